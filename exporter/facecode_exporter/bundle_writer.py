@@ -1,0 +1,227 @@
+"""A trained system to a bundle folder, reopened and compared before it gets its name."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from facecode.animator import Animator
+from facecode.arrays import AnyArray, Faces
+from facecode.audio import load_audio
+from facecode.bench import SPEECH
+from facecode.bundle import Bundle
+from facecode.session import Graph
+from facecode.template import load_template, read_mesh
+from facecode_spec.graphs import (
+    OPSET,
+    GraphSpec,
+    decoder_step,
+    motion_decoder,
+    speech_encoder,
+    vertex_head,
+)
+from facecode_spec.manifest import (
+    FORMAT_VERSION,
+    MANIFEST_NAME,
+    FileEntry,
+    GraphEntry,
+    Manifest,
+    ParityReport,
+    PartEntry,
+    SourceEntry,
+)
+from torch import nn
+from tqdm import tqdm
+
+from facecode_exporter import parity
+from facecode_exporter.checkpoints import file_sha256
+from facecode_exporter.graphs import export_graph
+from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.nets.wav2vec2 import samples_for
+from facecode_exporter.output_folder import replacing
+from facecode_exporter.views import (
+    DecoderStepView,
+    MotionDecoderView,
+    SpeechEncoderView,
+    VertexHeadView,
+)
+
+LICENCE = (
+    "The weights keep the licence of the checkpoints named under 'sources'. Models trained on "
+    "VOCASET or BIWI are for non-commercial research, as those data sets are."
+)
+CODEBOOK, TEMPLATE, FACES = "codebook.npy", "template.npy", "faces.npy"
+
+
+@dataclass(frozen=True)
+class Neutral:
+    """The neutral face that goes into a bundle: vertices (V, 3), faces (F, 3) where known."""
+
+    vertices: AnyArray
+    faces: Faces | None
+    given: bool = True
+
+
+def read_neutral(template: Path | None, n_vertices: int) -> Neutral:
+    """The template of a mesh file, or zeros when none is given.
+
+    Raises:
+        TemplateError
+    """
+    if template is None:
+        return Neutral(np.zeros((n_vertices, 3), np.float32), None, given=False)
+    vertices, faces = read_mesh(template)
+    return Neutral(load_template(vertices, n_vertices), faces)
+
+
+def views_of(net: CodeTalker) -> list[tuple[GraphSpec, nn.Module]]:
+    """Every graph of the system with the module that computes it."""
+    system, part = net.system, net.part
+    return [
+        (speech_encoder(system), SpeechEncoderView(net)),
+        (decoder_step(system, part), DecoderStepView(net)),
+        (motion_decoder(part), MotionDecoderView(net)),
+        (vertex_head(system, part), VertexHeadView(net)),
+    ]
+
+
+def write_bundle(
+    net: CodeTalker,
+    out: Path,
+    neutral: Neutral,
+    sources: Mapping[str, Path],
+    progress: bool = False,
+) -> Manifest:
+    """Export `net` to the folder `out`; on any failure `out` is as it was before.
+
+    Raises:
+        OutputExistsError, OutputFolderError, ParityError.
+    """
+    with replacing(out, MANIFEST_NAME) as folder, tqdm(total=6, desc="export", disable=not progress) as bar:
+        views = views_of(net)
+        for spec, view in views:
+            bar.set_postfix_str(spec.name)
+            export_graph(view, spec, folder / f"{spec.name}.onnx")
+            bar.update()
+        _write_arrays(net, folder, neutral)
+        manifest = _manifest(net, folder, neutral, sources)
+        _write_manifest(folder, manifest)
+        bar.set_postfix_str("parity")
+        manifest = replace(manifest, parity=check_bundle(net, folder, views))
+        bar.update()
+        _write_manifest(folder, manifest)
+        bar.update()
+    return manifest
+
+
+def check_bundle(
+    net: CodeTalker, folder: Path, views: list[tuple[GraphSpec, nn.Module]]
+) -> ParityReport:
+    """Reopen the bundle with the runtime and compare it with torch.
+
+    Raises:
+        ParityError
+    """
+    animator = Animator(Bundle.open(folder))
+    graphs = {g.name: g for g in graphs_of(animator)}
+    errors = parity.compare_graphs([(s, v, graphs[s.name]) for s, v in views])
+    cases = [parity.compare_clip(net, animator, case) for case in parity_cases(net)]
+    parity.require_parity(cases)
+    return parity.report(errors, cases)
+
+
+def graphs_of(animator: Animator) -> list[Graph]:
+    """The loaded graphs of an animator."""
+    part = animator.part
+    return [
+        animator.speech_encoder,
+        part.decoder_step,
+        part.motion_decoder,
+        part.vertex_head,
+    ]
+
+
+def parity_cases(net: CodeTalker) -> Iterator[parity.Case]:
+    """Real speech, 1, 2 and 3 frames long and past the period, each in another style."""
+    system = net.system
+    speech = load_audio(SPEECH, system.speech_encoder.sample_rate)
+    styles = np.eye(len(system.styles), dtype=np.float32)
+    mix = np.full(len(system.styles), 1 / len(system.styles), dtype=np.float32)
+    lengths = (1, 2, 3, net.part.cross_modal_decoder.period + 7)
+    for i, n_frames in enumerate(lengths):
+        n_samples = samples_for(system.speech_encoder, system.fps, n_frames)
+        start = 4000 * i
+        weights = mix if i == len(lengths) - 1 else styles[i % len(styles)]
+        yield parity.Case(speech[start : start + n_samples], weights)
+
+
+def _write_arrays(net: CodeTalker, folder: Path, neutral: Neutral) -> None:
+    codebook = net.autoencoder.quantize.embedding.weight.detach().numpy()
+    np.save(folder / CODEBOOK, codebook)
+    np.save(folder / TEMPLATE, neutral.vertices.astype(np.float32))
+    if neutral.faces is not None:
+        np.save(folder / FACES, neutral.faces)
+
+
+def _write_manifest(folder: Path, manifest: Manifest) -> None:
+    (folder / MANIFEST_NAME).write_text(manifest.to_json(), encoding="utf-8")
+
+
+def _manifest(
+    net: CodeTalker, folder: Path, neutral: Neutral, sources: Mapping[str, Path]
+) -> Manifest:
+    system, part = net.system, net.part
+
+    def graph(spec: GraphSpec) -> GraphEntry:
+        return GraphEntry.of(f"{spec.name}.onnx", spec)
+
+    return Manifest(
+        format_version=FORMAT_VERSION,
+        name=system.name,
+        reference=system.reference,
+        fps=system.fps,
+        sample_rate=system.speech_encoder.sample_rate,
+        normalise_audio=system.speech_encoder.normalise,
+        min_samples=system.speech_encoder.min_samples,
+        n_vertices=system.n_vertices,
+        unit=system.unit,
+        styles=system.styles,
+        look_ahead_ms=None,
+        precision="fp32",
+        template=TEMPLATE,
+        has_template=neutral.given,
+        faces=None if neutral.faces is None else FACES,
+        topology=None if neutral.faces is None else topology(neutral.faces),
+        speech_encoder=graph(speech_encoder(system)),
+        parts=(
+            PartEntry(
+                part.name,
+                CODEBOOK,
+                graph(decoder_step(system, part)),
+                graph(motion_decoder(part)),
+                graph(vertex_head(system, part)),
+            ),
+        ),
+        files={
+            file.name: FileEntry(file.stat().st_size, file_sha256(file))
+            for file in sorted(folder.iterdir())
+        },
+        system=system,
+        opset=OPSET,
+        exported_with={
+            name: version(name) for name in ("facecode", "torch", "onnx", "transformers")
+        },
+        sources={
+            stage: SourceEntry(path.name, file_sha256(path)) for stage, path in sources.items()
+        },
+        licence=LICENCE,
+    )
+
+
+def topology(faces: Faces) -> str:
+    """Fingerprint of a mesh's triangles."""
+    return hashlib.sha256(np.ascontiguousarray(faces, dtype="<i4").tobytes()).hexdigest()

@@ -1,0 +1,196 @@
+"""Public CodeTalker checkpoint files to networks and back.
+
+A file holds `{"state_dict": {name: tensor}}`: stage 1 the VQ autoencoder, stage 2 the rest.
+Weights are read with `weights_only=True` and become float32. Knows nothing of graphs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from zipfile import BadZipFile
+
+import torch
+from facecode_spec.schema import SystemSpec
+from facecode_spec.systems import SYSTEMS
+from torch import Tensor, nn
+
+from facecode_exporter.errors import (
+    CheckpointError,
+    CheckpointNotFoundError,
+    SwappedCheckpointsError,
+)
+from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.nets.sinusoid import sinusoid
+
+State = dict[str, Tensor]
+
+OPTIONAL = {"audio_encoder.masked_spec_embed"}
+CONV = "audio_encoder.encoder.pos_conv_embed.conv"
+WEIGHT_NORM_NAMES = (
+    (f"{CONV}.weight_g", f"{CONV}.weight_v"),
+    (f"{CONV}.parametrizations.weight.original0", f"{CONV}.parametrizations.weight.original1"),
+)
+MAX_PROBLEMS_SHOWN = 12
+
+
+def load_codetalker(system: SystemSpec, stage1: Path, stage2: Path) -> CodeTalker:
+    """The trained system in evaluation mode.
+
+    Raises:
+        CheckpointNotFoundError: no such file.
+        SwappedCheckpointsError: the two files were given the wrong way round.
+        CheckpointError: not a checkpoint, or keys and shapes that do not fit `system`.
+    """
+    first, second = read_state(stage1), read_state(stage2)
+    _refuse_swapped(first, second, stage1, stage2)
+    second = {k: v for k, v in second.items() if not k.startswith("autoencoder.")}
+    _fold_weight_norm(second)
+    net = CodeTalker(system)
+    _take_position_codes(net, first, second)
+    problems = [
+        *_fill(net.autoencoder, first, f"stage 1, {stage1}"),
+        *_fill(net, second, f"stage 2, {stage2}", skip="autoencoder."),
+    ]
+    if problems:
+        shown = problems[:MAX_PROBLEMS_SHOWN]
+        more = len(problems) - len(shown)
+        raise CheckpointError(
+            f"the checkpoints do not fit {system.name} ({len(problems)} problems):\n  "
+            + "\n  ".join(shown)
+            + (f"\n  and {more} more" if more else "")
+            + _other_system_hint(system, first)
+        )
+    return net.eval()
+
+
+def read_state(path: Path) -> State:
+    """The state dict of a checkpoint file, names without `module.`, values float32.
+
+    Raises:
+        CheckpointNotFoundError: no such file.
+        CheckpointError: not a file of tensors.
+    """
+    if not path.is_file():
+        raise CheckpointNotFoundError(f"no checkpoint file at {path}")
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except (pickle.UnpicklingError, RuntimeError, EOFError, BadZipFile, ValueError, KeyError) as e:
+        reason = str(e).strip().splitlines()[0] if str(e).strip() else type(e).__name__
+        raise CheckpointError(f"{path} is not a PyTorch checkpoint of tensors: {reason}") from e
+    state = content.get("state_dict", content) if isinstance(content, Mapping) else None
+    if not isinstance(state, Mapping) or not state:
+        raise CheckpointError(f"{path} holds no 'state_dict' with tensors")
+    odd = [k for k, v in state.items() if not isinstance(v, Tensor) or not v.is_floating_point()]
+    if odd:
+        raise CheckpointError(f"{path}: expected floating-point tensors; {odd[0]!r} is none")
+    return {re.sub(r"^(module\.)+", "", str(k)): v.float() for k, v in state.items()}
+
+
+def save_codetalker(net: CodeTalker, stage1: Path, stage2: Path) -> None:
+    """Write `net` as two files in the layout of the released checkpoints."""
+    first = {k: v.clone() for k, v in net.autoencoder.state_dict().items()}
+    hidden = net.part.motion_decoder.dim
+    for side in ("encoder", "decoder"):
+        first[f"{side}.{side}_pos_embedding.pe"] = sinusoid(5000, hidden)[:, None]
+    second = {
+        k: v.clone() for k, v in net.state_dict().items() if not k.startswith("autoencoder.")
+    }
+    weight = second.pop(f"{CONV}.weight")
+    second[f"{CONV}.weight_g"] = _norm_over_channels(weight)
+    second[f"{CONV}.weight_v"] = weight
+    period = net.part.cross_modal_decoder.period
+    second["PPE.pe"] = net.position_code.repeat(600 // period + 1, 1)[None]
+    for path, state in ((stage1, first), (stage2, second)):
+        torch.save({"state_dict": state}, path)
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        digest = hashlib.sha256()
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def _refuse_swapped(first: State, second: State, stage1: Path, stage2: Path) -> None:
+    def is_stage1(state: State) -> bool:
+        return "quantize.embedding.weight" in state
+
+    def is_stage2(state: State) -> bool:
+        return any(k.startswith("transformer_decoder.") for k in state)
+
+    if is_stage2(first) and is_stage1(second):
+        raise SwappedCheckpointsError(
+            f"the files are swapped: {stage1} holds stage 2 and {stage2} holds stage 1. "
+            "Exchange --stage1 and --stage2"
+        )
+    if is_stage2(first) and not is_stage1(first):
+        raise CheckpointError(
+            f"{stage1} is a stage-2 file; --stage1 needs the VQ autoencoder (quantize.*, decoder.*)"
+        )
+    if is_stage1(second) and not is_stage2(second):
+        raise CheckpointError(
+            f"{stage2} is a stage-1 file; --stage2 needs the speech-driven decoder "
+            "(audio_encoder.*, transformer_decoder.*)"
+        )
+
+
+def _norm_over_channels(weight: Tensor) -> Tensor:
+    """Norm of a (out, in, kernel) weight for each kernel position: (1, 1, kernel)."""
+    return torch.linalg.vector_norm(weight, dim=(0, 1), keepdim=True)
+
+
+def _fold_weight_norm(state: State) -> None:
+    for g_name, v_name in WEIGHT_NORM_NAMES:
+        if g_name in state and v_name in state:
+            g, v = state.pop(g_name), state.pop(v_name)
+            if g.shape == (1, 1, v.shape[-1]):
+                state[f"{CONV}.weight"] = v * (g / _norm_over_channels(v))
+            else:
+                state[g_name], state[v_name] = g, v  # reported as keys that do not fit
+
+
+def _take_position_codes(net: CodeTalker, first: State, second: State) -> None:
+    """Use the tables that the files carry, where they carry them."""
+    for side, trunk in (("encoder", net.autoencoder.encoder), ("decoder", net.autoencoder.decoder)):
+        table = first.pop(f"{side}.{side}_pos_embedding.pe", None)
+        if table is not None and table.numel() and table.shape[-1] == trunk.constant.shape[0]:
+            trunk.constant.copy_(table.reshape(-1, table.shape[-1])[0])
+    table = second.pop("PPE.pe", None)
+    if table is not None and table.shape[-1] == net.position_code.shape[1]:
+        rows = table.reshape(-1, table.shape[-1])
+        net.position_code.copy_(rows[: len(net.position_code)])
+
+
+def _fill(module: nn.Module, state: State, origin: str, skip: str = "\0") -> list[str]:
+    """Copy `state` into `module`; what does not fit comes back as one line each."""
+    wanted = {k: v for k, v in module.state_dict().items() if not k.startswith(skip)}
+    missing = sorted(set(wanted) - set(state) - OPTIONAL)
+    problems = [f"{origin}: {k} {tuple(wanted[k].shape)} is missing" for k in missing]
+    problems += [f"{origin}: {k} is not known" for k in sorted(set(state) - set(wanted))]
+    with torch.no_grad():
+        for key in sorted(set(wanted) & set(state)):
+            got, expected = state[key], wanted[key]
+            if got.shape != expected.shape:
+                problems.append(
+                    f"{origin}: {key} is {tuple(got.shape)}, expected {tuple(expected.shape)}"
+                )
+            elif not torch.isfinite(got).all():
+                problems.append(f"{origin}: {key} holds NaN or infinite values")
+            else:
+                expected.copy_(got)
+    return problems
+
+
+def _other_system_hint(system: SystemSpec, first: State) -> str:
+    head = first.get("decoder.vertice_map_reverse.weight")
+    for name, other in SYSTEMS.items():
+        fits = head is not None and head.shape[0] == 3 * other.n_vertices
+        if fits and other.n_vertices != system.n_vertices:
+            return f"\n  The number of vertices fits --system {name}"
+    return ""

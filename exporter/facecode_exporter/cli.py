@@ -1,0 +1,167 @@
+"""`facecode-export`: checkpoints to bundles, random checkpoints, and the comparison with torch."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import facecode
+from facecode.console import guarded
+from facecode.errors import MissingExtraError
+from facecode_spec.systems import SYSTEMS
+
+if TYPE_CHECKING:
+    from facecode.animator import Animator
+    from facecode_spec.schema import SystemSpec
+
+    from facecode_exporter.parity import Case
+
+PROGRAM = "facecode-export"
+EXTRA_MODULES = {"torch", "onnx", "onnxscript", "transformers", "yaml"}
+
+
+def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """The command line; argparse answers mistakes with exit code 2."""
+    parser = argparse.ArgumentParser(PROGRAM, description="Export trained systems to bundles.")
+    parser.add_argument("--version", action="version", version=f"facecode {facecode.__version__}")
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    export = commands.add_parser("export", help="checkpoint files to a bundle")
+    export.set_defaults(run=run_export)
+    _add_checkpoints(export)
+    export.add_argument("--template", type=Path, metavar="MESH", help=".ply, .obj or .npy (V, 3)")
+    export.add_argument("--precision", choices=("fp32",), default="fp32")
+    export.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+    init = commands.add_parser("init", help="random weights in the public checkpoint layout")
+    init.set_defaults(run=run_init)
+    init.add_argument("--system", choices=sorted(SYSTEMS), required=True)
+    init.add_argument("--seed", type=int, default=0)
+    init.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+    verify = commands.add_parser("verify", help="compare a bundle with torch")
+    verify.set_defaults(run=run_verify)
+    verify.add_argument("bundle", type=Path, metavar="DIR")
+    _add_checkpoints(verify)
+    verify.add_argument("--audio", type=Path, help="a recording to compare on, whole")
+    verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
+
+    for command in (export, init, verify):
+        command.add_argument("--debug", action="store_true", help="show the traceback of errors")
+        command.add_argument("--quiet", action="store_true", help="no progress")
+    return parser.parse_args(argv)
+
+
+def run_export(args: argparse.Namespace) -> None:
+    """`facecode-export export`."""
+    from facecode_exporter.bundle_writer import read_neutral, write_bundle
+    from facecode_exporter.checkpoints import load_codetalker
+    from facecode_exporter.parity import describe_case
+
+    system = _system(args)
+    neutral = read_neutral(args.template, system.n_vertices)
+    net = load_codetalker(system, args.stage1, args.stage2)
+    sources = {"stage1": args.stage1, "stage2": args.stage2}
+    manifest = write_bundle(net, args.out, neutral, sources, progress=not args.quiet)
+    assert manifest.parity is not None
+    print(f"{args.out}: {system.name}, {sum(f.size for f in manifest.files.values()) / 1e6:.1f} MB")
+    for case in manifest.parity.cases:
+        print(f"  {describe_case(case)}")
+    if not neutral.given:
+        print(f"{PROGRAM}: no --template: vertices are offsets from zero", file=sys.stderr)
+
+
+def run_init(args: argparse.Namespace) -> None:
+    """`facecode-export init`."""
+    from facecode_exporter.random_weights import write_random_checkpoints
+
+    for path in write_random_checkpoints(SYSTEMS[args.system], args.out, args.seed):
+        print(path)
+
+
+def run_verify(args: argparse.Namespace) -> None:
+    """`facecode-export verify`."""
+    from facecode.animator import Animator
+    from facecode.bundle import Bundle
+
+    from facecode_exporter import parity
+    from facecode_exporter.bundle_writer import graphs_of, parity_cases, views_of
+    from facecode_exporter.checkpoints import load_codetalker
+
+    animator = Animator(Bundle.open(args.bundle))
+    system = animator.manifest.system if not (args.system or args.config) else _system(args)
+    net = load_codetalker(system, args.stage1, args.stage2)
+    if args.audio is None:
+        graphs = {g.name: g for g in graphs_of(animator)}
+        errors = parity.compare_graphs([(s, v, graphs[s.name]) for s, v in views_of(net)])
+        for name, error in errors.items():
+            print(f"{name}: within {error:.1e}")
+        cases = list(parity_cases(net))
+    else:
+        cases = [_case(args, animator)]
+    steps = _progress(args.quiet)
+    results = [parity.compare_clip(net, animator, case, steps) for case in cases]
+    parity.require_parity(results)
+    for result in results:
+        print(parity.describe_case(result))
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of `facecode-export`."""
+    args = parse_args(argv)
+    return guarded(PROGRAM, lambda: _with_extra(args), args.debug)
+
+
+def _with_extra(args: argparse.Namespace) -> None:
+    try:
+        args.run(args)
+    except ModuleNotFoundError as error:
+        if error.name not in EXTRA_MODULES:
+            raise
+        raise MissingExtraError(
+            f"{args.command} needs {error.name}: pip install 'facecode[export]'"
+        ) from error
+
+
+def _add_checkpoints(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--stage1", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--stage2", type=Path, required=True, metavar="FILE")
+    which = parser.add_mutually_exclusive_group(required=parser.prog.endswith("export"))
+    which.add_argument("--system", choices=sorted(SYSTEMS))
+    which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
+    parser.add_argument(
+        "--wav2vec2-config", type=Path, metavar="JSON", help="Hugging Face config.json (base)"
+    )
+
+
+def _system(args: argparse.Namespace) -> SystemSpec:
+    from facecode_exporter.config import system_from_config, with_wav2vec2
+
+    if args.config is not None:
+        return system_from_config(args.config, args.wav2vec2_config)
+    system = SYSTEMS[args.system]
+    return system if args.wav2vec2_config is None else with_wav2vec2(system, args.wav2vec2_config)
+
+
+def _case(args: argparse.Namespace, animator: Animator) -> Case:
+    from facecode.audio import load_audio
+    from facecode.styles import parse_style, style_weights
+
+    from facecode_exporter.parity import Case
+
+    style = None if args.style is None else parse_style(args.style)
+    audio = load_audio(args.audio, animator.manifest.sample_rate)
+    return Case(audio, style_weights(style, animator.styles))
+
+
+def _progress(quiet: bool) -> Callable[[Iterable[int]], Iterable[int]]:
+    from tqdm import tqdm
+
+    return lambda steps: tqdm(steps, desc="torch", unit="frame", disable=quiet)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

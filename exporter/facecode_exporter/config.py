@@ -1,0 +1,158 @@
+"""The public CodeTalker YAML and a Hugging Face wav2vec2 config.json, to a SystemSpec."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from facecode_spec.schema import (
+    CodebookSpec,
+    CrossModalDecoderSpec,
+    PartSpec,
+    SpecError,
+    SystemSpec,
+)
+from facecode_spec.systems import codetalker_biwi, codetalker_vocaset
+from transformers import Wav2Vec2Config
+
+from facecode_exporter.errors import ConfigError
+from facecode_exporter.nets.wav2vec2 import samples_for
+
+# The two forms of the public code; `DATA.dataset` names the one that a configuration is for.
+FORMS = {"vocaset": codetalker_vocaset.SPEC, "BIWI": codetalker_biwi.SPEC}
+# Fields of a Hugging Face file that say where it came from, not what the network is.
+PROVENANCE = {"_name_or_path", "architectures", "dtype", "torch_dtype", "transformers_version"}
+
+
+def system_from_config(config: Path, wav2vec2_config: Path | None = None) -> SystemSpec:
+    """The system that a public `config/{vocaset,BIWI}/*.yaml` describes.
+
+    Raises:
+        ConfigError: unreadable, a field missing, or a form that is not supported.
+    """
+    fields = _flat_fields(config)
+    form = FORMS.get(str(_need(fields, "dataset", config)))
+    if form is None:
+        raise ConfigError(
+            f"{config}: dataset is {fields['dataset']!r}; expected one of {', '.join(FORMS)}"
+        )
+    if _whole(fields, "quant_factor", config) != 0:
+        raise ConfigError(
+            f"{config}: quant_factor is {fields['quant_factor']}; only 0 is supported, since other "
+            "values stride over time, which neither published model does. Export a stage 1 trained "
+            "with quant_factor 0"
+        )
+    try:
+        part = _part(fields, form.parts[0], config)
+        system = dataclasses.replace(
+            form,
+            n_vertices=_vertices(fields, config),
+            styles=tuple(str(_need(fields, "train_subjects", config)).split()),
+            parts=(part,),
+        )
+    except SpecError as error:
+        raise ConfigError(f"{config}: {error}") from error
+    return system if wav2vec2_config is None else with_wav2vec2(system, wav2vec2_config)
+
+
+def with_wav2vec2(system: SystemSpec, config: Path) -> SystemSpec:
+    """`system` with the speech encoder of a Hugging Face config.json.
+
+    Raises:
+        ConfigError: unreadable, or not a wav2vec2 configuration.
+    """
+    try:
+        given = json.loads(_read(config))
+    except ValueError as error:
+        raise ConfigError(f"{config}: not JSON: {error}") from error
+    if not isinstance(given, dict) or given.get("model_type", "wav2vec2") != "wav2vec2":
+        raise ConfigError(f"{config}: expected a Hugging Face configuration of type wav2vec2")
+    defaults = Wav2Vec2Config().to_dict()
+    architecture = {
+        key: value
+        for key, value in given.items()
+        if key not in PROVENANCE and key in defaults and value != defaults[key]
+    }
+    encoder = dataclasses.replace(system.speech_encoder, architecture=architecture)
+    try:
+        min_samples = samples_for(encoder, system.fps, 1)
+    except (ValueError, TypeError) as error:
+        raise ConfigError(f"{config}: {error}") from error
+    encoder = dataclasses.replace(encoder, min_samples=min_samples)
+    return dataclasses.replace(system, speech_encoder=encoder)
+
+
+def _part(fields: Mapping[str, Any], form: PartSpec, config: Path) -> PartSpec:
+    def whole(key: str) -> int:
+        return _whole(fields, key, config)
+
+    return dataclasses.replace(
+        form,
+        codebook=CodebookSpec(whole("n_embed"), whole("face_quan_num"), whole("zquant_dim")),
+        cross_modal_decoder=CrossModalDecoderSpec(
+            dim=whole("feature_dim"),
+            n_layers=whole("num_layers"),
+            n_heads=whole("n_head"),
+            dim_feedforward=2 * whole("feature_dim"),
+            period=whole("period"),
+        ),
+        motion_decoder=dataclasses.replace(
+            form.motion_decoder,
+            dim=whole("hidden_size"),
+            n_layers=whole("num_hidden_layers"),
+            n_heads=whole("num_attention_heads"),
+            dim_feedforward=whole("intermediate_size"),
+            negative_slope=_number(fields, "neg", config),
+            norm_affine=bool(_need(fields, "INaffine", config)),
+        ),
+    )
+
+
+def _vertices(fields: Mapping[str, Any], config: Path) -> int:
+    width, decoder_width = _whole(fields, "in_dim", config), _whole(fields, "vertice_dim", config)
+    if width != decoder_width or width % 3:
+        raise ConfigError(
+            f"{config}: in_dim {width} and vertice_dim {decoder_width} must be the same multiple of 3"
+        )
+    return width // 3
+
+
+def _flat_fields(config: Path) -> dict[str, Any]:
+    try:
+        sections = yaml.safe_load(_read(config))
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{config}: not YAML: {error}") from error
+    if not isinstance(sections, dict) or not all(isinstance(s, dict) for s in sections.values()):
+        raise ConfigError(f"{config}: expected the sections DATA, NETWORK, VQuantizer, PREDICTOR")
+    return {key: value for section in sections.values() for key, value in section.items()}
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from error
+
+
+def _need(fields: Mapping[str, Any], key: str, config: Path) -> object:
+    if key not in fields:
+        raise ConfigError(f"{config}: {key} is missing")
+    return fields[key]
+
+
+def _number(fields: Mapping[str, Any], key: str, config: Path) -> float:
+    value = _need(fields, key, config)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ConfigError(f"{config}: {key} is {value!r}; expected a number")
+    return float(value)
+
+
+def _whole(fields: Mapping[str, Any], key: str, config: Path) -> int:
+    value = _number(fields, key, config)
+    if value != int(value) or value < 0:
+        raise ConfigError(f"{config}: {key} is {value}; expected a whole number")
+    return int(value)

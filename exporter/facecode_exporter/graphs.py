@@ -1,0 +1,93 @@
+"""torch.onnx.export, driven by the graph signatures of facecode_spec.
+
+Comes in: a view and its GraphSpec. Goes out: one self-contained .onnx file whose inputs, outputs
+and axis names are those of the spec, and whose samples fixed no length.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import onnx
+import torch
+from facecode_spec.graphs import OPSET, GraphSpec, TensorSpec
+from torch import Tensor, nn
+
+DTYPES = {"float32": torch.float32, "int64": torch.int64}
+SAMPLE_SIZES = {"batch": 2, "n_samples": 5000, "n_past": 5, "n_prefix": 6, "n_shown": 3}
+"""Sizes of the traced sample; none is 1, which torch.export would take for a constant."""
+
+
+def export_graph(view: nn.Module, spec: GraphSpec, path: Path) -> None:
+    """Write `view` to `path` as ONNX."""
+    samples = tuple(_sample(tensor) for tensor in spec.inputs)
+    dims = {name: torch.export.Dim.DYNAMIC for name in SAMPLE_SIZES}
+    shapes = tuple(
+        {i: dims[axis] for i, axis in enumerate(tensor.axes) if isinstance(axis, str)}
+        for tensor in spec.inputs
+    )
+    with torch.no_grad(), _quiet():
+        program = torch.onnx.export(
+            view.eval(),
+            samples,
+            dynamo=True,
+            opset_version=OPSET,
+            input_names=[t.name for t in spec.inputs],
+            output_names=[t.name for t in spec.outputs],
+            dynamic_shapes=_as_arguments(view, shapes),
+            verbose=False,
+        )
+    assert program is not None
+    model = program.model_proto
+    _name_axes(model.graph, spec)
+    onnx.checker.check_model(model)
+    path.write_bytes(model.SerializeToString())
+
+
+def _sample(tensor: TensorSpec) -> Tensor:
+    shape = [SAMPLE_SIZES[a] if isinstance(a, str) else a for a in tensor.axes]
+    if tensor.dtype == "int64":
+        return torch.tensor(0) if not shape else torch.arange(*shape)
+    return torch.rand(shape, dtype=DTYPES[tensor.dtype]) - 0.5
+
+
+def _as_arguments(view: nn.Module, shapes: tuple[object, ...]) -> tuple[object, ...]:
+    """Group the shapes as `forward` takes them: a `*state` parameter is one nested tuple."""
+    code = view.forward.__code__
+    has_star = bool(code.co_flags & 0x04)
+    n_named = code.co_argcount - 1
+    return (*shapes[:n_named], shapes[n_named:]) if has_star else shapes
+
+
+def _name_axes(graph: onnx.GraphProto, spec: GraphSpec) -> None:
+    """Write the spec's axis names into the graph's inputs and outputs."""
+    for values, tensors in ((graph.input, spec.inputs), (graph.output, spec.outputs)):
+        assert [v.name for v in values] == [t.name for t in tensors]
+        for value, tensor in zip(values, tensors, strict=True):
+            shape = value.type.tensor_type.shape
+            assert len(shape.dim) == len(tensor.axes), (value.name, tensor.axes)
+            for dim, axis in zip(shape.dim, tensor.axes, strict=True):
+                if isinstance(axis, str):
+                    dim.dim_param = axis
+                else:
+                    assert dim.dim_value in (axis, 0), (value.name, axis)
+                    dim.dim_value = axis
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Hold back the exporter's progress lines and its notes about optional packages."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)

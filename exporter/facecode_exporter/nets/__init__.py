@@ -1,0 +1,1 @@
+"""The trained networks, with the public checkpoints' parameter names as attribute names."""

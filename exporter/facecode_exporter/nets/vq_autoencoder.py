@@ -1,0 +1,247 @@
+"""The VQ autoencoder of facial motion (CodeTalker, section 3.1): offsets to codes and back.
+
+Receives offsets (B, T, 3V), or code features (B, T, H, C). Attribute names are those of the
+public checkpoints (`encoder.squasher.0.0.weight`, ...), so a state dict loads as it is.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import torch
+from facecode_spec.schema import PartSpec
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from facecode_exporter.nets.sinusoid import sinusoid
+
+
+class Attention(nn.Module):
+    """Unmasked multi-head attention, scaled by the full width (not the head's) ** -0.5."""
+
+    def __init__(self, dim: int, n_heads: int) -> None:
+        super().__init__()
+        self.dim, self.n_heads = dim, n_heads
+        self.to_qkv = nn.Linear(dim, 3 * dim, bias=False)
+        self.to_out = nn.Linear(dim, dim)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, T, E) to (B, T, E), every frame attending to all T."""
+        query, key, value = self.to_qkv(x).chunk(3, dim=-1)
+        return self.attend(query, key, value)
+
+    def attend(self, query: Tensor, key: Tensor, value: Tensor) -> Tensor:
+        """Queries (B, n, E) over keys and values (B, T, E), then the output layer."""
+        query, key, value = (self._split(t) for t in (query, key, value))
+        weights = torch.softmax(query @ key.transpose(-1, -2) * self.dim**-0.5, dim=-1)
+        mixed = (weights @ value).transpose(1, 2).flatten(2)
+        return cast(Tensor, self.to_out(mixed))
+
+    def _split(self, x: Tensor) -> Tensor:
+        return x.unflatten(-1, (self.n_heads, -1)).transpose(1, 2)
+
+
+class Mlp(nn.Module):
+    """Two linear layers with the tanh form of GELU between."""
+
+    def __init__(self, dim: int, dim_feedforward: int) -> None:
+        super().__init__()
+        self.l1 = nn.Linear(dim, dim_feedforward)
+        self.l2 = nn.Linear(dim_feedforward, dim)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(..., E) to (..., E)."""
+        return cast(Tensor, self.l2(F.gelu(self.l1(x), approximate="tanh")))
+
+
+class PreNorm(nn.Module):
+    """Layer norm, then `fn`."""
+
+    def __init__(self, dim: int, fn: nn.Module) -> None:
+        super().__init__()
+        self.norm = nn.LayerNorm(dim)
+        self.fn = fn
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, T, E) to (B, T, E)."""
+        return cast(Tensor, self.fn(self.norm(x)))
+
+
+class Residual(nn.Module):
+    """`x + fn(x)`."""
+
+    def __init__(self, fn: nn.Module) -> None:
+        super().__init__()
+        self.fn = fn
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, T, E) to (B, T, E)."""
+        return x + cast(Tensor, self.fn(x))
+
+
+class Transformer(nn.Module):
+    """Pre-norm layers; `net` alternates attention and MLP."""
+
+    def __init__(self, dim: int, n_layers: int, n_heads: int, dim_feedforward: int) -> None:
+        super().__init__()
+        self.net = nn.ModuleList()
+        for _ in range(n_layers):
+            self.net.append(Residual(PreNorm(dim, Attention(dim, n_heads))))
+            self.net.append(Residual(PreNorm(dim, Mlp(dim, dim_feedforward))))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, T, E) to (B, T, E)."""
+        for layer in self.net:
+            x = layer(x)
+        return x
+
+
+class ClipNorm(nn.Module):
+    """Instance norm over the T frames at hand, (B, E, T); one frame gives zero.
+
+    Written out, since torch refuses one frame and an exported InstanceNorm1d must not
+    carry statistics.
+    """
+
+    def __init__(self, dim: int, affine: bool, eps: float = 1e-5) -> None:
+        super().__init__()
+        self.eps = eps
+        self.weight = nn.Parameter(torch.ones(dim)) if affine else None
+        self.bias = nn.Parameter(torch.zeros(dim)) if affine else None
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, E, T) to (B, E, T)."""
+        centred = x - x.mean(dim=-1, keepdim=True)
+        normed = centred * torch.rsqrt(centred.square().mean(dim=-1, keepdim=True) + self.eps)
+        if self.weight is None or self.bias is None:
+            return normed
+        return normed * self.weight[:, None] + self.bias[:, None]
+
+
+class Net(nn.Module):
+    """A linear layer under the name `net`, as the public files have it."""
+
+    def __init__(self, n_in: int, n_out: int) -> None:
+        super().__init__()
+        self.net = nn.Linear(n_in, n_out)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(..., n_in) to (..., n_out)."""
+        return cast(Tensor, self.net(x))
+
+
+class TemporalTrunk(nn.Module):
+    """What encoder and decoder share: convolution, norm, linear, constant, transformer."""
+
+    def __init__(self, part: PartSpec, side: str) -> None:
+        super().__init__()
+        spec = part.motion_decoder
+        self.side = side
+        dim = spec.dim
+        convolution = nn.Sequential(
+            nn.Conv1d(dim, dim, 5, padding=2, padding_mode="replicate"),
+            nn.LeakyReLU(spec.negative_slope),
+            ClipNorm(dim, spec.norm_affine),
+        )
+        conv_name = "squasher" if side == "encoder" else "expander"
+        self.add_module(conv_name, nn.Sequential(convolution))
+        self.add_module(f"{side}_linear_embedding", Net(dim, dim))
+        self.add_module(
+            f"{side}_transformer",
+            Transformer(dim, spec.n_layers, spec.n_heads, spec.dim_feedforward),
+        )
+        # The public module indexes its position table by batch: every frame gets row 0.
+        self.register_buffer("constant", sinusoid(1, dim)[0], persistent=False)
+        self.constant: Tensor
+
+    @property
+    def transformer(self) -> Transformer:
+        """The transformer under its public name."""
+        return cast(Transformer, getattr(self, f"{self.side}_transformer"))
+
+    def before_transformer(self, x: Tensor) -> Tensor:
+        """(B, T, E) to (B, T, E): convolution, norm over the clip, linear layer, constant."""
+        convolution = self.squasher if self.side == "encoder" else self.expander
+        x = cast(Tensor, convolution(x.transpose(1, 2)).transpose(1, 2))
+        return cast(Tensor, getattr(self, f"{self.side}_linear_embedding")(x)) + self.constant
+
+
+class VQEncoder(TemporalTrunk):
+    """Offsets (B, T, 3V) to features (B, T, H, C); used in training only."""
+
+    def __init__(self, part: PartSpec, n_vertices: int) -> None:
+        super().__init__(part, "encoder")
+        spec, book = part.motion_decoder, part.codebook
+        self.vertice_mapping = nn.Sequential(
+            nn.Linear(3 * n_vertices, spec.dim), nn.LeakyReLU(spec.negative_slope)
+        )
+        self.code_shape = (book.codes_per_frame, book.dim)
+        if spec.input_projection:
+            self.encoder_linear_embedding_post = Net(spec.dim, book.codes_per_frame * book.dim)
+
+    def forward(self, offsets: Tensor) -> Tensor:
+        """Offsets (B, T, 3V) to features (B, T, H, C)."""
+        x = self.transformer(self.before_transformer(self.vertice_mapping(offsets)))
+        if hasattr(self, "encoder_linear_embedding_post"):
+            x = self.encoder_linear_embedding_post(x)
+        return cast(Tensor, x).unflatten(-1, self.code_shape)
+
+
+class VQDecoder(TemporalTrunk):
+    """Code vectors (B, T, H, C) to hidden frames (B, T, E) and offsets (B, T, 3V)."""
+
+    def __init__(self, part: PartSpec, n_vertices: int) -> None:
+        super().__init__(part, "decoder")
+        spec, book = part.motion_decoder, part.codebook
+        if spec.input_projection:
+            self.decoder_linear_embedding_pre = Net(book.codes_per_frame * book.dim, spec.dim)
+        self.vertice_map_reverse = nn.Linear(spec.dim, 3 * n_vertices, bias=spec.output_bias)
+
+    def embed(self, vectors: Tensor) -> Tensor:
+        """Code vectors (B, T, H, C) to the transformer's input (B, T, E)."""
+        x = vectors.flatten(2)
+        if hasattr(self, "decoder_linear_embedding_pre"):
+            x = cast(Tensor, self.decoder_linear_embedding_pre(x))
+        return self.before_transformer(x)
+
+    def forward(self, vectors: Tensor) -> Tensor:
+        """Code vectors (B, T, H, C) to offsets (B, T, 3V)."""
+        hidden = self.transformer(self.embed(vectors))
+        return cast(Tensor, self.vertice_map_reverse(hidden))
+
+
+class Quantizer(nn.Module):
+    """Nearest codebook row by squared distance."""
+
+    def __init__(self, n_codes: int, dim: int) -> None:
+        super().__init__()
+        self.embedding = nn.Embedding(n_codes, dim)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Features (..., C) to codes (...) int64; the lower code wins a tie."""
+        rows = self.embedding.weight
+        distance = (
+            features.square().sum(-1, keepdim=True)
+            + rows.square().sum(-1)
+            - 2 * features @ rows.transpose(0, 1)
+        )
+        return distance.argmin(dim=-1)
+
+    def look_up(self, codes: Tensor) -> Tensor:
+        """Codes (...) to code vectors (..., C)."""
+        return cast(Tensor, self.embedding(codes))
+
+
+class VQAutoencoder(nn.Module):
+    """Encoder, codebook and decoder of one part of the face."""
+
+    def __init__(self, part: PartSpec, n_vertices: int) -> None:
+        super().__init__()
+        self.encoder = VQEncoder(part, n_vertices)
+        self.decoder = VQDecoder(part, n_vertices)
+        self.quantize = Quantizer(part.codebook.n_codes, part.codebook.dim)
+
+    def decode_features(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Features (B, T, H, C) to codes (B, T, H) and offsets (B, T, 3V)."""
+        codes = self.quantize(features)
+        return codes, self.decoder(self.quantize.look_up(codes))

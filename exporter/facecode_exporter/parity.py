@@ -1,0 +1,145 @@
+"""The runtime against the torch networks: graph by graph, and whole clips through the loop.
+
+Graphs are compared with the views on random input at sizes that the export did not see. Clips are
+compared with the public algorithm (`CodeTalker.predict`), which shares no fast path with the graphs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from facecode.animator import Animator
+from facecode.arrays import AnyArray, Audio, Float32
+from facecode.audio import normalise
+from facecode.session import Graph
+from facecode_spec.graphs import VERTICES, GraphSpec, TensorSpec
+from facecode_spec.manifest import ParityCase, ParityReport
+from torch import Tensor, nn
+
+from facecode_exporter.errors import ParityError
+from facecode_exporter.nets.codetalker import CodeTalker, Prediction
+from facecode_exporter.nets.vq_autoencoder import Quantizer
+
+Steps = Callable[[Iterable[int]], Iterable[int]]
+GRAPH_SIZES: tuple[dict[str, int], ...] = (
+    {"batch": 1, "n_samples": 1360, "n_past": 0, "n_prefix": 1, "n_shown": 1},
+    {"batch": 3, "n_samples": 9077, "n_past": 1, "n_prefix": 2, "n_shown": 2},
+    {"batch": 2, "n_samples": 23456, "n_past": 67, "n_prefix": 19, "n_shown": 5},
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One clip to compare: audio at the system's rate and style weights."""
+
+    audio: Audio
+    weights: Float32
+
+
+def compare_graphs(
+    pairs: Sequence[tuple[GraphSpec, nn.Module, Graph]], seed: int = 0
+) -> dict[str, float]:
+    """Largest absolute difference per graph output; codes count as equal or not.
+
+    Raises:
+        ParityError: a difference beyond the graph's tolerance.
+    """
+    rng = np.random.default_rng(seed)
+    errors: dict[str, float] = {}
+    for spec, view, graph in pairs:
+        for sizes in GRAPH_SIZES:
+            inputs = {t.name: _random_input(t, sizes, rng) for t in spec.inputs}
+            with torch.no_grad():
+                expected = view(*(torch.from_numpy(np.asarray(v)) for v in inputs.values()))
+            expected = (expected,) if isinstance(expected, Tensor) else expected
+            names = [t.name for t in spec.outputs]
+            for name, want, got in zip(names, expected, graph.run(names, **inputs), strict=True):
+                key, error = f"{spec.name}.{name}", _max_difference(want.numpy(), got)
+                errors[key] = max(errors.get(key, 0.0), error)
+                if not error <= spec.tolerance.atol:
+                    raise ParityError(
+                        f"{key} differs from torch by {error:.2e} at {sizes}; at most "
+                        f"{spec.tolerance.atol:.0e} is float32 noise ({spec.tolerance.reason})"
+                    )
+    return errors
+
+
+def compare_clip(
+    net: CodeTalker, animator: Animator, case: Case, steps: Steps = lambda s: s
+) -> ParityCase:
+    """Animate one clip in `exact` mode by torch and by the runtime."""
+    audio = torch.from_numpy(normalise(case.audio))[None]
+    truth = net.predict(audio, torch.from_numpy(case.weights)[None], steps)
+    memory = animator.encode(case.audio)
+    codes = np.concatenate(list(animator.generate(memory, case.weights)), axis=1)
+    offsets = animator.decode(codes)
+    want = truth.codes.numpy()
+    if codes.shape != want.shape:
+        raise ParityError(f"torch gives codes {want.shape}, the runtime {codes.shape}")
+    return ParityCase(
+        n_frames=codes.shape[1],
+        n_codes=codes.size,
+        n_codes_equal=int((codes == want).sum()),
+        max_vertex_error=_max_difference(truth.offsets.numpy(), offsets),
+        min_code_margin=min_code_margin(truth, net.autoencoder.quantize),
+    )
+
+
+def require_parity(cases: Iterable[ParityCase]) -> None:
+    """Refuse cases with an unequal code or a vertex beyond the tolerance.
+
+    Raises:
+        ParityError: with the numbers of every case.
+    """
+    cases = tuple(cases)
+    failed = [
+        c
+        for c in cases
+        if c.n_codes_equal != c.n_codes or not c.max_vertex_error <= VERTICES.atol
+    ]
+    if failed:
+        lines = "\n  ".join(describe_case(c) for c in cases)
+        raise ParityError(
+            f"the bundle does not compute what the network computes ({len(failed)} of "
+            f"{len(cases)} clips; expected all codes equal, vertices within {VERTICES.atol:g}):"
+            f"\n  {lines}"
+        )
+
+
+def describe_case(case: ParityCase) -> str:
+    """One clip's comparison in a line."""
+    return (
+        f"{case.n_frames} frames: {case.n_codes_equal} of {case.n_codes} codes equal, vertices "
+        f"within {case.max_vertex_error:.1e}, smallest code margin {case.min_code_margin:.1e}"
+    )
+
+
+def min_code_margin(truth: Prediction, quantizer: Quantizer) -> float:
+    """Smallest relative gap between nearest and second-nearest code: how far noise may reach."""
+    rows = quantizer.embedding.weight.double()
+    distance = torch.cdist(truth.features.double().flatten(0, -2), rows).square()
+    nearest, second = distance.topk(2, largest=False).values.unbind(-1)
+    return float(((second - nearest) / second.clamp_min(1e-30)).min())
+
+
+def report(graph_errors: dict[str, float], cases: Iterable[ParityCase]) -> ParityReport:
+    """What goes into the manifest."""
+    return ParityReport(VERTICES.atol, graph_errors, tuple(cases))
+
+
+def _random_input(tensor: TensorSpec, sizes: dict[str, int], rng: np.random.Generator) -> AnyArray:
+    shape = tuple(sizes[a] if isinstance(a, str) else a for a in tensor.axes)
+    if tensor.name == "step":
+        return np.array(sizes["n_past"])
+    if tensor.name == "frames":
+        return np.sort(rng.choice(sizes["n_prefix"], size=shape, replace=False))
+    return rng.standard_normal(shape, dtype=np.float32)
+
+
+def _max_difference(want: AnyArray, got: AnyArray) -> float:
+    if want.shape != got.shape:
+        return float("inf")
+    return float(np.abs(want - got).max()) if want.size else 0.0

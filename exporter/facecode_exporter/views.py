@@ -1,0 +1,250 @@
+"""The graphs as modules: each forward has exactly the signature of its GraphSpec.
+
+A view rearranges trained weights and adds none; the algebra that it uses is exact, and products of
+weights are formed in float64. Nothing 3V-wide is left inside the loop: `feedback` is the
+output layer and the embedding of its result in one E x D product.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+
+from facecode_exporter.nets.codetalker import CodeTalker, alibi_slopes
+from facecode_exporter.nets.vq_autoencoder import Attention, Mlp
+
+
+def fuse(outer: nn.Linear, inner: nn.Linear) -> nn.Linear:
+    """The linear layer that computes `outer(inner(x))`."""
+    weight = outer.weight.double() @ inner.weight.double()
+    bias = torch.zeros(outer.out_features, dtype=torch.float64)
+    if inner.bias is not None:
+        bias = bias + outer.weight.double() @ inner.bias.double()
+    if outer.bias is not None:
+        bias = bias + outer.bias.double()
+    return linear(weight, bias)
+
+
+def linear(weight: Tensor, bias: Tensor) -> nn.Linear:
+    """A float32 layer with the given (out, in) weight and (out,) bias."""
+    layer = nn.Linear(weight.shape[1], weight.shape[0])
+    with torch.no_grad():
+        layer.weight.copy_(weight)
+        layer.bias.copy_(bias)
+    return layer
+
+
+def rows(attention: nn.MultiheadAttention, index: int) -> nn.Linear:
+    """Query (0), key (1) or value (2) projection of torch's packed attention."""
+    packed = slice(index * attention.embed_dim, (index + 1) * attention.embed_dim)
+    return linear(attention.in_proj_weight[packed], attention.in_proj_bias[packed])
+
+
+class SpeechEncoderView(nn.Module):
+    """audio -> what the cross-attention of every layer reads, frame by frame."""
+
+    def __init__(self, net: CodeTalker) -> None:
+        super().__init__()
+        self.net = net
+        self.n_rows = net.system.speech_encoder.memory_rows_per_frame
+        self.n_layers = net.part.cross_modal_decoder.n_layers
+        attentions = [layer.multihead_attn for layer in net.transformer_decoder.layers]
+        if self.n_rows == 1:
+            # One visible key: softmax is 1 and the attention is out_proj(v_proj(memory)).
+            self.maps = nn.ModuleList([stack([fuse(a.out_proj, rows(a, 2)) for a in attentions])])
+        else:
+            self.maps = nn.ModuleList(
+                [stack([rows(a, index) for a in attentions]) for index in (1, 2)]
+            )
+
+    def forward(self, audio: Tensor) -> tuple[Tensor, ...]:
+        """(B, n_samples) to cross_output, or to cross_keys and cross_values."""
+        memory = self.net.memory(audio)
+        outputs = [m(memory).unflatten(-1, (self.n_layers, -1)) for m in self.maps]
+        if self.n_rows == 1:
+            return tuple(outputs)
+        return tuple(o.unflatten(1, (-1, self.n_rows)).transpose(2, 3) for o in outputs)
+
+
+def stack(layers: list[nn.Linear]) -> nn.Linear:
+    """Layers of one width side by side: (in) to (n_layers * out)."""
+    return linear(
+        torch.cat([layer.weight for layer in layers]), torch.cat([layer.bias for layer in layers])
+    )
+
+
+class SelfAttentionStep(nn.Module):
+    """Self-attention of one new frame over the past rows and itself.
+
+    All heads share one product with the (n, D) rows: the query stands once per head, zero
+    outside that head's channels. It costs a few more multiplications than a product per head
+    but reads past rows where they lie, without the transposed copy.
+    """
+
+    def __init__(self, attention: nn.MultiheadAttention, period: int) -> None:
+        super().__init__()
+        n_heads, dim = attention.num_heads, attention.embed_dim
+        head_dim = dim // n_heads
+        self.to_qkv = stack([scaled(rows(attention, 0), head_dim**-0.5), *rows_kv(attention)])
+        self.to_out = attention.out_proj
+        self.period = period
+        owner = torch.arange(dim) // head_dim
+        self.register_buffer("heads", (owner[:, None] == torch.arange(n_heads)).float())
+        self.register_buffer("slopes", torch.tensor(alibi_slopes(n_heads)))
+        self.heads: Tensor
+        self.slopes: Tensor
+
+    def forward(self, x: Tensor, keys: Tensor, values: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """x (B, D), past rows (B, n, D) to attended (B, D) and the new key and value (B, D)."""
+        query, key, value = self.to_qkv(x).chunk(3, dim=-1)
+        per_head = query[:, :, None] * self.heads
+        n_past = keys.shape[1]
+        distance = n_past - torch.arange(n_past)
+        bias = -torch.div(distance, self.period, rounding_mode="floor")[:, None] * self.slopes
+        past_scores = keys @ per_head + bias
+        own_score = key[:, None] @ per_head
+        weights = torch.softmax(torch.cat([past_scores, own_score], dim=1), dim=1)
+        mixed = weights[:, :-1].transpose(1, 2) @ values
+        own = weights[:, -1] @ self.heads.transpose(0, 1) * value
+        attended = (mixed * self.heads.transpose(0, 1)).sum(dim=1) + own
+        return self.to_out(attended), key, value
+
+
+def rows_kv(attention: nn.MultiheadAttention) -> list[nn.Linear]:
+    """Key and value projections."""
+    return [rows(attention, 1), rows(attention, 2)]
+
+
+def scaled(layer: nn.Linear, factor: float) -> nn.Linear:
+    """`factor * layer(x)` as one layer."""
+    return linear(layer.weight * factor, layer.bias * factor)
+
+
+class CrossAttentionStep(nn.Module):
+    """Cross-attention of one frame over its few memory rows, keys and values precomputed."""
+
+    def __init__(self, attention: nn.MultiheadAttention) -> None:
+        super().__init__()
+        self.n_heads = attention.num_heads
+        self.to_query = scaled(rows(attention, 0), (attention.embed_dim // self.n_heads) ** -0.5)
+        self.to_out = attention.out_proj
+
+    def forward(self, x: Tensor, keys: Tensor, values: Tensor) -> Tensor:
+        """x (B, D), keys and values (B, rows, D) to (B, D)."""
+        split = (self.n_heads, -1)
+        query = self.to_query(x).unflatten(-1, split)
+        scores = (query[:, None] * keys.unflatten(-1, split)).sum(dim=-1, keepdim=True)
+        weights = torch.softmax(scores, dim=1)
+        mixed = (weights * values.unflatten(-1, split)).sum(dim=1)
+        return cast(Tensor, self.to_out(mixed.flatten(1)))
+
+
+class DecoderStepView(nn.Module):
+    """One frame of the cross-modal decoder; the state is passed in and the new rows come out."""
+
+    def __init__(self, net: CodeTalker) -> None:
+        super().__init__()
+        spec = net.part.cross_modal_decoder
+        self.n_layers, self.period = spec.n_layers, spec.period
+        self.layers = net.transformer_decoder.layers
+        self.self_attention = nn.ModuleList(
+            [SelfAttentionStep(layer.self_attn, spec.period) for layer in self.layers]
+        )
+        self.one_row = net.system.speech_encoder.memory_rows_per_frame == 1
+        if not self.one_row:
+            self.cross_attention = nn.ModuleList(
+                [CrossAttentionStep(layer.multihead_attn) for layer in self.layers]
+            )
+        self.style_rows = net.learnable_style_emb
+        self.register_buffer("position_code", net.position_code)
+        self.position_code: Tensor
+        self.feat_map = net.feat_map
+        self.code_shape = (net.part.codebook.codes_per_frame, net.part.codebook.dim)
+
+    def forward(
+        self, motion: Tensor, style: Tensor, step: Tensor, *state: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """motion (B, D), style (B, S), step (), then cross memory, past keys, past values."""
+        cross, past = state[: -2 * self.n_layers], state[-2 * self.n_layers :]
+        position = self.position_code.index_select(0, (step % self.period)[None])
+        x = motion + style @ self.style_rows.weight + position
+        keys, values = [], []
+        for i, layer in enumerate(self.layers):
+            attended, key, value = self.self_attention[i](x, past[i], past[self.n_layers + i])
+            keys.append(key)
+            values.append(value)
+            x = layer.norm1(x + attended)
+            x = layer.norm2(x + self._cross(i, x, cross))
+            x = layer.norm3(x + layer.linear2(torch.relu(layer.linear1(x))))
+        features = self.feat_map(x).unflatten(-1, self.code_shape)
+        return features, torch.stack(keys), torch.stack(values)
+
+    def _cross(self, i: int, x: Tensor, cross: tuple[Tensor, ...]) -> Tensor:
+        if self.one_row:
+            return cross[0][:, i]
+        return cast(Tensor, self.cross_attention[i](x, cross[0][:, i], cross[1][:, i]))
+
+
+class LastLayer(nn.Module):
+    """The last transformer layer of the motion decoder, for the frames that are asked for."""
+
+    def __init__(self, attention_block: nn.Module, mlp_block: nn.Module) -> None:
+        super().__init__()
+        pre_norm, self.mlp = cast(nn.Module, attention_block.fn), mlp_block
+        self.norm, self.attention = pre_norm.norm, cast(Attention, pre_norm.fn)
+        dim = self.attention.dim
+        weight = self.attention.to_qkv.weight
+        self.to_query = nn.Linear(dim, dim, bias=False)
+        self.to_key_value = nn.Linear(dim, 2 * dim, bias=False)
+        with torch.no_grad():
+            self.to_query.weight.copy_(weight[:dim])
+            self.to_key_value.weight.copy_(weight[dim:])
+
+    def forward(self, x: Tensor, frames: Tensor) -> Tensor:
+        """x (B, n, E), frames (m,) to hidden (B, m, E)."""
+        normed = cast(Tensor, self.norm(x))
+        key, value = self.to_key_value(normed).chunk(2, dim=-1)
+        query = self.to_query(normed.index_select(1, frames))
+        shown = x.index_select(1, frames) + self.attention.attend(query, key, value)
+        return cast(Tensor, self.mlp(shown))
+
+
+class MotionDecoderView(nn.Module):
+    """Quantise and decode: features of a prefix or window -> codes, hidden, feedback."""
+
+    def __init__(self, net: CodeTalker) -> None:
+        super().__init__()
+        self.quantize = net.autoencoder.quantize
+        self.decoder = net.autoencoder.decoder
+        blocks = list(self.decoder.transformer.net)
+        assert isinstance(blocks[-1].fn.fn, Mlp)
+        self.first_blocks = nn.ModuleList(blocks[:-2])
+        self.last = LastLayer(blocks[-2], blocks[-1])
+        self.feed_back = fuse(net.vertice_map, self.decoder.vertice_map_reverse)
+        # Distances in float64, as the runtime's: a look-up of code vectors gives their codes.
+        self.register_buffer("codebook", self.quantize.embedding.weight.double())
+        self.codebook: Tensor
+
+    def forward(self, features: Tensor, frames: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """features (B, n, H, C), frames (m,) int64; see the GraphSpec for the outputs."""
+        half_norms = self.codebook.square().sum(dim=-1) / 2
+        codes = (half_norms - features.double() @ self.codebook.transpose(0, 1)).argmin(dim=-1)
+        x = self.decoder.embed(self.quantize.look_up(codes))
+        for block in self.first_blocks:
+            x = block(x)
+        hidden = self.last(x, frames)
+        return codes, hidden, self.feed_back(hidden[:, -1])
+
+
+class VertexHeadView(nn.Module):
+    """The output layer: hidden frames -> offsets."""
+
+    def __init__(self, net: CodeTalker) -> None:
+        super().__init__()
+        self.output = net.autoencoder.decoder.vertice_map_reverse
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        """hidden (B, n, E) to offsets (B, n, V, 3)."""
+        return cast(Tensor, self.output(hidden).unflatten(-1, (-1, 3)))

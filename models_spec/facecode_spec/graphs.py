@@ -1,0 +1,149 @@
+"""The graphs of a bundle: what each is called, takes, gives, and how exact it must be.
+
+Axes are named; a number is a fixed size. `batch` holds clips, or samples of one clip.
+The same tensor names stand in the torch views, in the graph files and in the runtime.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from facecode_spec.schema import PartSpec, SystemSpec
+
+OPSET = 20
+"""First opset in which Gelu (also its tanh form) is one operator; onnxruntime has had it since
+1.17. Later opsets add nothing that these graphs use."""
+
+SPEECH_ENCODER = "speech_encoder"
+DECODER_STEP = "decoder_step"
+MOTION_DECODER = "motion_decoder"
+VERTEX_HEAD = "vertex_head"
+
+Axis = str | int
+
+
+@dataclass(frozen=True)
+class TensorSpec:
+    """One input or output of a graph."""
+
+    name: str
+    dtype: str
+    axes: tuple[Axis, ...]
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Largest absolute difference to the torch network that is float32 noise, and why."""
+
+    atol: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class GraphSpec:
+    """The signature of one graph."""
+
+    name: str
+    inputs: tuple[TensorSpec, ...]
+    outputs: tuple[TensorSpec, ...]
+    tolerance: Tolerance
+
+
+VERTICES = Tolerance(1e-4, "the public code in float32 and float64 differs by 4e-6 (5e-6 at 809 frames)")
+"""For whole clips, in the unit of the system. Codes have no tolerance: they are equal."""
+
+
+def past_keys(layer: int) -> str:
+    """Name of the input with the past keys of one self-attention layer."""
+    return f"past_keys_{layer}"
+
+
+def past_values(layer: int) -> str:
+    """Name of the input with the past values of one self-attention layer."""
+    return f"past_values_{layer}"
+
+
+def _cross_memory(part: PartSpec, system: SystemSpec, frames: tuple[Axis, ...]) -> list[TensorSpec]:
+    """What the cross-attention of `part` reads of the speech, per frame and layer.
+
+    One visible key makes the softmax 1, so the attention's output itself is precomputed;
+    several visible keys need keys and values.
+    """
+    decoder = part.cross_modal_decoder
+    rows = system.speech_encoder.memory_rows_per_frame
+    head = ("batch", *frames, decoder.n_layers)
+    if rows == 1:
+        return [TensorSpec("cross_output", "float32", (*head, decoder.dim))]
+    return [
+        TensorSpec(name, "float32", (*head, rows, decoder.dim))
+        for name in ("cross_keys", "cross_values")
+    ]
+
+
+def speech_encoder(system: SystemSpec) -> GraphSpec:
+    """Waveform to cross-attention memory, once per utterance."""
+    memory = [m for part in system.parts for m in _cross_memory(part, system, ("n_frames",))]
+    return GraphSpec(
+        SPEECH_ENCODER,
+        (TensorSpec("audio", "float32", ("batch", "n_samples")),),
+        tuple(memory),
+        Tolerance(2e-4, "sums of up to 3072 products in another order; 2e-5 seen on values near 4"),
+    )
+
+
+def decoder_step(system: SystemSpec, part: PartSpec) -> GraphSpec:
+    """One frame of the cross-modal decoder: state in, features and the new K/V rows out."""
+    decoder, codebook = part.cross_modal_decoder, part.codebook
+    past = ("batch", "n_past", decoder.dim)
+    new_rows = (decoder.n_layers, "batch", decoder.dim)
+    return GraphSpec(
+        DECODER_STEP,
+        (
+            TensorSpec("motion", "float32", ("batch", decoder.dim)),
+            TensorSpec("style", "float32", ("batch", len(system.styles))),
+            TensorSpec("step", "int64", ()),
+            *_cross_memory(part, system, ()),
+            *(TensorSpec(past_keys(i), "float32", past) for i in range(decoder.n_layers)),
+            *(TensorSpec(past_values(i), "float32", past) for i in range(decoder.n_layers)),
+        ),
+        (
+            TensorSpec("features", "float32", ("batch", codebook.codes_per_frame, codebook.dim)),
+            TensorSpec("keys", "float32", new_rows),
+            TensorSpec("values", "float32", new_rows),
+        ),
+        Tolerance(2e-4, "twelve layers of float32 sums in another order; 1e-5 seen"),
+    )
+
+
+def motion_decoder(part: PartSpec) -> GraphSpec:
+    """Quantise and decode a prefix or window; only the frames named by `frames` come out."""
+    codebook = part.codebook
+    code_axes = ("batch", "n_prefix", codebook.codes_per_frame)
+    return GraphSpec(
+        MOTION_DECODER,
+        (
+            TensorSpec("features", "float32", (*code_axes, codebook.dim)),
+            TensorSpec("frames", "int64", ("n_shown",)),
+        ),
+        (
+            TensorSpec("codes", "int64", code_axes),
+            TensorSpec("hidden", "float32", ("batch", "n_shown", part.motion_decoder.dim)),
+            TensorSpec("feedback", "float32", ("batch", part.cross_modal_decoder.dim)),
+        ),
+        Tolerance(2e-4, "instance norm over few frames magnifies float32 noise; 2e-5 seen"),
+    )
+
+
+def vertex_head(system: SystemSpec, part: PartSpec) -> GraphSpec:
+    """Hidden frames to vertex offsets, for the frames that are shown."""
+    return GraphSpec(
+        VERTEX_HEAD,
+        (TensorSpec("hidden", "float32", ("batch", "n_shown", part.motion_decoder.dim)),),
+        (TensorSpec("offsets", "float32", ("batch", "n_shown", system.n_vertices, 3)),),
+        Tolerance(1e-4, "one product over the hidden width in another order; 1e-6 seen"),
+    )
+
+
+def part_graphs(system: SystemSpec, part: PartSpec) -> tuple[GraphSpec, ...]:
+    """The graphs that belong to one part of the face."""
+    return (decoder_step(system, part), motion_decoder(part), vertex_head(system, part))

@@ -1,0 +1,41 @@
+"""CodeTalker as trained on VOCASET (FLAME topology)."""
+
+from facecode_spec.schema import (
+    CodebookSpec,
+    CrossModalDecoderSpec,
+    MotionDecoderSpec,
+    PartSpec,
+    SpeechEncoderSpec,
+    SystemSpec,
+)
+
+SPEC = SystemSpec(
+    name="codetalker-vocaset",
+    reference="Xing et al., CodeTalker: Speech-Driven 3D Facial Animation with Discrete Motion Prior, CVPR 2023",
+    fps=30.0,
+    n_vertices=5023,
+    unit="metres",
+    styles=(
+        "FaceTalk_170728_03272_TA",
+        "FaceTalk_170904_00128_TA",
+        "FaceTalk_170725_00137_TA",
+        "FaceTalk_170915_00223_TA",
+        "FaceTalk_170811_03274_TA",
+        "FaceTalk_170913_03279_TA",
+        "FaceTalk_170904_03276_TA",
+        "FaceTalk_170912_03278_TA",
+    ),
+    speech_encoder=SpeechEncoderSpec(family="wav2vec2", frame_grid="interpolate"),
+    parts=(
+        PartSpec(
+            name="face",
+            codebook=CodebookSpec(n_codes=256, codes_per_frame=16, dim=64),
+            cross_modal_decoder=CrossModalDecoderSpec(
+                dim=1024, n_layers=6, n_heads=4, dim_feedforward=2048, period=30
+            ),
+            motion_decoder=MotionDecoderSpec(
+                dim=1024, n_layers=6, n_heads=8, dim_feedforward=1536, negative_slope=0.2
+            ),
+        ),
+    ),
+)

@@ -1,0 +1,43 @@
+"""The result of animating a clip: motion, codes and rate, as a value."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from facecode import writers
+from facecode.arrays import Codes, Faces, Offsets, Template
+
+
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """A face in motion: T frames, V vertices, H codes a frame."""
+
+    offsets: Offsets
+    """(T, V, 3) float32, from the template, in the bundle's unit."""
+    codes: Codes
+    """(T, H) int64, rows of the motion codebook."""
+    fps: float
+    template: Template
+    """(V, 3) float32, the neutral face."""
+    faces: Faces | None = None
+    """(F, 3) int32 triangles, where the bundle knows its topology."""
+
+    @property
+    def vertices(self) -> Offsets:
+        """Positions (T, V, 3) float32: template plus offsets, a new array each time."""
+        return self.offsets + self.template
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return len(self.codes) / self.fps
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write to `path`; the suffix picks the format (.npz). Whole or not at all.
+
+        Raises:
+            OutputSuffixError, OutputFolderError, OutputWriteError.
+        """
+        writers.save(self, Path(path))

@@ -1,0 +1,54 @@
+"""State of the step loop: rows appended one a frame, read as a whole, never copied per step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facecode.arrays import AnyArray
+
+
+class GrowingBuffer:
+    """An array that grows along its second axis; capacity doubles when it is full.
+
+    `view()` of a batch of one is contiguous, so that a graph reads it where it lies.
+    """
+
+    def __init__(self, n_batch: int, row_shape: tuple[int, ...], capacity: int = 64) -> None:
+        self._data = np.empty((n_batch, capacity, *row_shape), dtype=np.float32)
+        self.n_rows = 0
+
+    def append(self, rows: AnyArray) -> None:
+        """Add one row per batch item: (B, *row_shape)."""
+        if self.n_rows == self._data.shape[1]:
+            grown = np.empty(
+                (len(self._data), 2 * self.n_rows, *self._data.shape[2:]), self._data.dtype
+            )
+            grown[:, : self.n_rows] = self._data
+            self._data = grown
+        self._data[:, self.n_rows] = rows
+        self.n_rows += 1
+
+    def view(self, last: int | None = None) -> AnyArray:
+        """The rows so far, or the last `last` of them: (B, n, *row_shape)."""
+        start = 0 if last is None else max(0, self.n_rows - last)
+        return self._data[:, start : self.n_rows]
+
+
+class KeyValueCache:
+    """Past keys and values of every self-attention layer, one buffer per layer and kind."""
+
+    def __init__(self, n_layers: int, n_batch: int, dim: int) -> None:
+        self._keys = [GrowingBuffer(n_batch, (dim,)) for _ in range(n_layers)]
+        self._values = [GrowingBuffer(n_batch, (dim,)) for _ in range(n_layers)]
+
+    def append(self, keys: AnyArray, values: AnyArray) -> None:
+        """Add the new rows of all layers: keys and values (n_layers, B, D)."""
+        for buffers, rows in ((self._keys, keys), (self._values, values)):
+            for buffer, row in zip(buffers, rows, strict=True):
+                buffer.append(row)
+
+    def inputs(self) -> dict[str, AnyArray]:
+        """The graph inputs `past_keys_i` and `past_values_i`, each (B, n_past, D)."""
+        named = {f"past_keys_{i}": b.view() for i, b in enumerate(self._keys)}
+        named.update({f"past_values_{i}": b.view() for i, b in enumerate(self._values)})
+        return named

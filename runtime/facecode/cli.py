@@ -1,0 +1,154 @@
+"""`facecode`: animate speech, look at a bundle, measure it. Thin over the library."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import facecode
+from facecode import writers
+from facecode.animator import MODES, Animator, window_frames
+from facecode.bundle import PACKAGED_BUNDLE, Bundle
+from facecode.console import guarded
+from facecode.errors import OutputFolderError
+from facecode.styles import parse_style
+
+PROGRAM = "facecode"
+STANDARD_STREAM = "-"
+
+
+def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """The command line; argparse answers mistakes with exit code 2."""
+    parser = argparse.ArgumentParser(PROGRAM, description="Speech in, 3D facial animation out.")
+    parser.add_argument("--version", action="version", version=f"facecode {facecode.__version__}")
+    parser.set_defaults(debug=False)
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    animate = commands.add_parser("animate", help="animate a recording")
+    animate.set_defaults(run=run_animate)
+    animate.add_argument("audio", help="wav, flac, ogg, mp3, ... or - for standard input")
+    animate.add_argument("-o", "--output", required=True, help=f"{_suffixes()}, or - (npz)")
+    animate.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
+    animate.add_argument("--style", type=str, help="a name, or a mix such as a:0.3,b:0.7")
+    animate.add_argument("--template", type=Path, metavar="MESH", help=".npy (V, 3), .ply or .obj")
+    _add_mode(animate)
+    _add_threads(animate)
+    animate.add_argument("--quiet", action="store_true", help="no progress, no summary")
+
+    info = commands.add_parser("info", help="show what a bundle is")
+    info.set_defaults(run=run_info)
+    info.add_argument("bundle", nargs="?", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
+    info.add_argument("--json", action="store_true", help="the manifest as JSON")
+
+    bench = commands.add_parser("bench", help="measure the latency per frame on this CPU")
+    bench.set_defaults(run=run_bench)
+    bench.add_argument("bundle", nargs="?", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
+    bench.add_argument("--seconds", type=_positive(float), default=10.0, help="of speech (10)")
+    bench.add_argument("--json", metavar="FILE", help="write the numbers to FILE, or - ")
+    _add_mode(bench)
+    _add_threads(bench)
+
+    for command in (animate, info, bench):
+        command.add_argument("--debug", action="store_true", help="show the traceback of errors")
+    return parser.parse_args(argv)
+
+
+def run_animate(args: argparse.Namespace) -> None:
+    """`facecode animate`."""
+    to_stdout = args.output == STANDARD_STREAM
+    output = Path("animation.npz" if to_stdout else args.output)
+    if not to_stdout:
+        writers.check_output(output)
+    audio = (
+        io.BytesIO(sys.stdin.buffer.read()) if args.audio == STANDARD_STREAM else Path(args.audio)
+    )
+    start = time.perf_counter()
+    clip = facecode.load(args.bundle, threads=args.threads).animate(
+        audio,
+        None if args.style is None else parse_style(args.style),
+        mode=args.mode,
+        window=args.window,
+        template=args.template,
+        progress=not args.quiet,
+    )
+    if to_stdout:
+        buffer = io.BytesIO()  # a zip file needs to seek
+        writers.WRITERS[output.suffix](clip, buffer)
+        sys.stdout.buffer.write(buffer.getbuffer())
+        sys.stdout.buffer.flush()
+        return
+    clip.save(output)
+    if not args.quiet:
+        print(
+            f"{output}: {len(clip.codes)} frames at {clip.fps:g} fps ({clip.duration_s:.2f} s), "
+            f"{clip.template.shape[0]:,} vertices, in {time.perf_counter() - start:.2f} s"
+        )
+
+
+def run_info(args: argparse.Namespace) -> None:
+    """`facecode info`."""
+    from facecode.info import describe, summary
+
+    bundle = Bundle.open(args.bundle)
+    print(json.dumps(describe(bundle), indent=1) if args.json else summary(bundle))
+
+
+def run_bench(args: argparse.Namespace) -> None:
+    """`facecode bench`."""
+    from facecode.bench import benchmark, table
+
+    window = window_frames(args.mode, args.window)
+    report_file = None if args.json in (None, STANDARD_STREAM) else Path(args.json)
+    if report_file is not None and not report_file.parent.is_dir():
+        raise OutputFolderError(f"the folder {report_file.parent} does not exist; create it first")
+    start = time.perf_counter()
+    animator: Animator = facecode.load(args.bundle, threads=args.threads)
+    report = benchmark(animator, time.perf_counter() - start, args.seconds, window)
+    numbers = json.dumps(report.to_plain(), indent=1)
+    if args.json == STANDARD_STREAM:
+        print(numbers)
+        return
+    print(table(report))
+    if report_file is not None:
+        report_file.write_text(numbers + "\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of `facecode`."""
+    args = parse_args(argv)
+    return guarded(PROGRAM, lambda: args.run(args), args.debug)
+
+
+def _suffixes() -> str:
+    return ", ".join(writers.WRITERS)
+
+
+def _add_mode(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--mode", choices=MODES, default="exact")
+    parser.add_argument("--window", type=_positive(int), metavar="W", help="frames (window mode)")
+
+
+def _add_threads(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--threads", type=_positive(int), metavar="N", help="default: all cores")
+
+
+def _positive(kind: type[int] | type[float]):  # noqa: ANN202
+    def convert(text: str) -> int | float:
+        value = kind(text)
+        if not 0 < value < float("inf"):
+            raise argparse.ArgumentTypeError(f"expected a positive number, got {text}")
+        return value
+
+    convert.__name__ = kind.__name__
+    return convert
+
+
+if __name__ == "__main__":
+    sys.exit(main())
+
+

@@ -1,0 +1,41 @@
+"""What every command line of facecode shares: exit codes and one clear line for what went wrong.
+
+0 done; 2 the caller's mistake; 1 a defect; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Callable
+
+from facecode.errors import FacecodeError
+
+DONE, DEFECT, MISTAKE, INTERRUPTED = 0, 1, 2, 130
+
+
+def guarded(program: str, command: Callable[[], int | None], debug: bool) -> int:
+    """Run `command` and turn exceptions into an exit code and a line on stderr."""
+    if not debug:
+        warnings.showwarning = lambda message, *_, **__: print(  # type: ignore[assignment]
+            f"{program}: warning: {message}", file=sys.stderr
+        )
+    try:
+        return command() or DONE
+    except FacecodeError as error:
+        code, line = error.exit_code, f"{program}: {error}"
+    except KeyboardInterrupt:
+        code, line = INTERRUPTED, f"{program}: interrupted; nothing was left half-written"
+    except BrokenPipeError:
+        # The reader of stdout went away; what is still buffered must not fail at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return MISTAKE
+    except Exception as error:
+        code = DEFECT
+        line = f"{program}: defect: {type(error).__name__}: {error} (--debug shows where)"
+    if debug:
+        traceback.print_exc()
+    print(line, file=sys.stderr)
+    return code

@@ -1,0 +1,132 @@
+"""Everything that facecode raises on purpose.
+
+FacecodeError
+  AudioError (ValueError)
+    UnreadableAudioError      not audio, or a format that libsndfile does not read
+    EmptyAudioError           no samples
+    AudioTooShortError        less than one frame of motion
+    NonFiniteAudioError       NaN or infinite samples
+  AudioNotFoundError (FileNotFoundError)
+  StyleError (ValueError)     unknown style, or weights that are no mix
+  TemplateError (ValueError)  unreadable template, or another topology
+  BundleError
+    BundleNotFoundError (FileNotFoundError)
+    ManifestError (ValueError)
+      NewerBundleError        written by a later release
+    UnsafePathError (ValueError)       a path that leaves the bundle
+    MissingFileError (FileNotFoundError)
+    AlteredFileError (ValueError)      size or SHA-256 differs from the manifest
+    ExternalDataError (ValueError)     a graph that reads files the manifest does not list
+    GraphError (RuntimeError)          onnxruntime cannot load a graph
+  ModeError (ValueError)      unknown mode, or a window that is none
+  OutputError
+    OutputSuffixError (ValueError)
+    OutputFolderError (FileNotFoundError)
+    OutputWriteError (OSError)         disk full, no permission
+  MissingExtraError (ImportError)      an optional dependency is not installed
+
+Messages say what was got, what was expected and what to do next.
+"""
+
+
+class FacecodeError(Exception):
+    """Base of all errors that facecode raises on purpose."""
+
+    exit_code = 2
+    """At the command line: the caller's mistake, unless a subclass says otherwise."""
+
+
+class AudioError(FacecodeError, ValueError):
+    """The audio cannot be animated."""
+
+
+class UnreadableAudioError(AudioError):
+    """The file is not audio that libsndfile reads."""
+
+
+class EmptyAudioError(AudioError):
+    """The audio has no samples."""
+
+
+class AudioTooShortError(AudioError):
+    """The audio is shorter than one frame."""
+
+
+class NonFiniteAudioError(AudioError):
+    """The audio holds NaN or infinite samples."""
+
+
+class AudioNotFoundError(FacecodeError, FileNotFoundError):
+    """No audio file at the given path."""
+
+
+class StyleError(FacecodeError, ValueError):
+    """The bundle has no such style, or the mix is not one."""
+
+
+class StyleWarning(UserWarning):
+    """The weights of a style mix do not sum to one."""
+
+
+class TemplateError(FacecodeError, ValueError):
+    """The template cannot be read or has another topology."""
+
+
+class BundleError(FacecodeError):
+    """The bundle cannot be used."""
+
+
+class BundleNotFoundError(BundleError, FileNotFoundError):
+    """No bundle at the given path."""
+
+
+class ManifestError(BundleError, ValueError):
+    """The manifest does not have the form that this release reads."""
+
+
+class NewerBundleError(ManifestError):
+    """The bundle was written by a later release."""
+
+
+class UnsafePathError(BundleError, ValueError):
+    """The manifest names a path that leaves the bundle."""
+
+
+class MissingFileError(BundleError, FileNotFoundError):
+    """A file that the manifest lists is not there."""
+
+
+class AlteredFileError(BundleError, ValueError):
+    """A file differs from what the manifest says."""
+
+
+class ExternalDataError(BundleError, ValueError):
+    """A graph reads a file that the manifest does not list."""
+
+
+class GraphError(BundleError, RuntimeError):
+    """onnxruntime cannot load or run a graph."""
+
+
+class ModeError(FacecodeError, ValueError):
+    """Unknown mode, or a window that does not fit it."""
+
+
+class OutputError(FacecodeError):
+    """The result cannot be written."""
+
+
+class OutputSuffixError(OutputError, ValueError):
+    """No writer for this file name."""
+
+
+class OutputFolderError(OutputError, FileNotFoundError):
+    """The folder of the output does not exist."""
+
+
+class OutputWriteError(OutputError, OSError):
+    """Writing failed; nothing was left behind."""
+
+
+class MissingExtraError(FacecodeError, ImportError):
+    """An optional dependency is not installed."""

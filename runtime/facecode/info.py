@@ -1,0 +1,57 @@
+"""What a bundle is, for people and as plain data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from facecode_spec.schema import to_plain
+
+from facecode.bundle import Bundle, graph_entries
+
+
+def describe(bundle: Bundle) -> dict[str, Any]:
+    """The manifest as plain data, with the total size in bytes."""
+    plain: dict[str, Any] = to_plain(bundle.manifest)
+    plain["total_size"] = sum(f.size for f in bundle.manifest.files.values())
+    return plain
+
+
+def summary(bundle: Bundle) -> str:
+    """The bundle in a few lines."""
+    m = bundle.manifest
+    sizes = {name: entry.size for name, entry in m.files.items()}
+    look_ahead = "the whole clip" if m.look_ahead_ms is None else f"{m.look_ahead_ms:g} ms"
+    template = "of the export" if m.has_template else "none: vertices are offsets from zero"
+    lines = [
+        ("bundle", f"{bundle.root} (format {m.format_version})"),
+        ("system", f"{m.name}: {m.reference}"),
+        ("motion", f"{m.n_vertices:,} vertices at {m.fps:g} fps, unit {m.unit}"),
+        ("audio", f"{m.sample_rate:,} Hz mono; look-ahead {look_ahead}"),
+        ("styles", ", ".join(m.styles)),
+        ("template", f"{template}; faces {'yes' if m.faces else 'no'}"),
+        ("precision", f"{m.precision}, opset {m.opset}"),
+        ("parity", _parity(bundle)),
+        ("verified", f"{len(sizes)} files, {_megabytes(sum(sizes.values()))}"),
+        *((f"  {graph.path}", _megabytes(sizes[graph.path])) for graph in graph_entries(m)),
+        ("licence", m.licence),
+    ]
+    width = max(len(name) for name, _ in lines)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in lines)
+
+
+def _parity(bundle: Bundle) -> str:
+    report = bundle.manifest.parity
+    if report is None:
+        return "not measured"
+    codes = sum(c.n_codes for c in report.cases)
+    equal = sum(c.n_codes_equal for c in report.cases)
+    worst = max(c.max_vertex_error for c in report.cases)
+    frames = ", ".join(str(c.n_frames) for c in report.cases)
+    return (
+        f"{equal} of {codes} codes equal to torch, vertices within {worst:.1e}, "
+        f"clips of {frames} frames"
+    )
+
+
+def _megabytes(n_bytes: int) -> str:
+    return f"{n_bytes / 1e6:,.1f} MB"
