@@ -1,0 +1,1 @@
+"""The torch side: trained checkpoints to bundles that the runtime animates."""

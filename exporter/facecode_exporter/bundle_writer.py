@@ -9,6 +9,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+from torch import nn
+from tqdm import tqdm
+
 from facecode.animator import Animator
 from facecode.arrays import AnyArray, Faces
 from facecode.audio import load_audio
@@ -16,6 +19,18 @@ from facecode.bench import SPEECH
 from facecode.bundle import Bundle
 from facecode.session import Graph
 from facecode.template import load_template, read_mesh
+from facecode_exporter import parity
+from facecode_exporter.checkpoints import file_sha256
+from facecode_exporter.graphs import export_graph
+from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.nets.wav2vec2 import samples_for
+from facecode_exporter.output_folder import replacing
+from facecode_exporter.views import (
+    DecoderStepView,
+    MotionDecoderView,
+    SpeechEncoderView,
+    VertexHeadView,
+)
 from facecode_spec.graphs import (
     OPSET,
     GraphSpec,
@@ -33,21 +48,6 @@ from facecode_spec.manifest import (
     ParityReport,
     PartEntry,
     SourceEntry,
-)
-from torch import nn
-from tqdm import tqdm
-
-from facecode_exporter import parity
-from facecode_exporter.checkpoints import file_sha256
-from facecode_exporter.graphs import export_graph
-from facecode_exporter.nets.codetalker import CodeTalker
-from facecode_exporter.nets.wav2vec2 import samples_for
-from facecode_exporter.output_folder import replacing
-from facecode_exporter.views import (
-    DecoderStepView,
-    MotionDecoderView,
-    SpeechEncoderView,
-    VertexHeadView,
 )
 
 LICENCE = (
@@ -101,7 +101,10 @@ def write_bundle(
     Raises:
         OutputExistsError, OutputFolderError, ParityError.
     """
-    with replacing(out, MANIFEST_NAME) as folder, tqdm(total=6, desc="export", disable=not progress) as bar:
+    with (
+        replacing(out, MANIFEST_NAME) as folder,
+        tqdm(total=6, desc="export", disable=not progress) as bar,
+    ):
         views = views_of(net)
         for spec, view in views:
             bar.set_postfix_str(spec.name)

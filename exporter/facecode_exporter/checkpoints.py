@@ -14,8 +14,6 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 import torch
-from facecode_spec.schema import SystemSpec
-from facecode_spec.systems import SYSTEMS
 from torch import Tensor, nn
 
 from facecode_exporter.errors import (
@@ -25,6 +23,8 @@ from facecode_exporter.errors import (
 )
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.nets.sinusoid import sinusoid
+from facecode_spec.schema import SystemSpec
+from facecode_spec.systems import SYSTEMS
 
 State = dict[str, Tensor]
 
@@ -96,9 +96,7 @@ def save_codetalker(net: CodeTalker, stage1: Path, stage2: Path) -> None:
     hidden = net.part.motion_decoder.dim
     for side in ("encoder", "decoder"):
         first[f"{side}.{side}_pos_embedding.pe"] = sinusoid(5000, hidden)[:, None]
-    second = {
-        k: v.clone() for k, v in net.state_dict().items() if not k.startswith("autoencoder.")
-    }
+    second = {k: v.clone() for k, v in net.state_dict().items() if not k.startswith("autoencoder.")}
     weight = second.pop(f"{CONV}.weight")
     second[f"{CONV}.weight_g"] = _norm_over_channels(weight)
     second[f"{CONV}.weight_v"] = weight
@@ -142,7 +140,7 @@ def _refuse_swapped(first: State, second: State, stage1: Path, stage2: Path) -> 
 
 def _norm_over_channels(weight: Tensor) -> Tensor:
     """Norm of a (out, in, kernel) weight for each kernel position: (1, 1, kernel)."""
-    return torch.linalg.vector_norm(weight, dim=(0, 1), keepdim=True)
+    return torch.sqrt(weight.square().sum(dim=(0, 1), keepdim=True))
 
 
 def _fold_weight_norm(state: State) -> None:

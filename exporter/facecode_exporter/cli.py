@@ -15,9 +15,8 @@ from facecode_spec.systems import SYSTEMS
 
 if TYPE_CHECKING:
     from facecode.animator import Animator
-    from facecode_spec.schema import SystemSpec
-
     from facecode_exporter.parity import Case
+    from facecode_spec.schema import SystemSpec
 
 PROGRAM = "facecode-export"
 EXTRA_MODULES = {"torch", "onnx", "onnxscript", "transformers", "yaml"}
@@ -86,7 +85,6 @@ def run_verify(args: argparse.Namespace) -> None:
     """`facecode-export verify`."""
     from facecode.animator import Animator
     from facecode.bundle import Bundle
-
     from facecode_exporter import parity
     from facecode_exporter.bundle_writer import graphs_of, parity_cases, views_of
     from facecode_exporter.checkpoints import load_codetalker
@@ -149,7 +147,6 @@ def _system(args: argparse.Namespace) -> SystemSpec:
 def _case(args: argparse.Namespace, animator: Animator) -> Case:
     from facecode.audio import load_audio
     from facecode.styles import parse_style, style_weights
-
     from facecode_exporter.parity import Case
 
     style = None if args.style is None else parse_style(args.style)

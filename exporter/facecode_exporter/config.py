@@ -9,6 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from transformers import Wav2Vec2Config
+
+from facecode_exporter.errors import ConfigError
+from facecode_exporter.nets.wav2vec2 import samples_for
 from facecode_spec.schema import (
     CodebookSpec,
     CrossModalDecoderSpec,
@@ -17,10 +21,6 @@ from facecode_spec.schema import (
     SystemSpec,
 )
 from facecode_spec.systems import codetalker_biwi, codetalker_vocaset
-from transformers import Wav2Vec2Config
-
-from facecode_exporter.errors import ConfigError
-from facecode_exporter.nets.wav2vec2 import samples_for
 
 # The two forms of the public code; `DATA.dataset` names the one that a configuration is for.
 FORMS = {"vocaset": codetalker_vocaset.SPEC, "BIWI": codetalker_biwi.SPEC}
@@ -116,7 +116,8 @@ def _vertices(fields: Mapping[str, Any], config: Path) -> int:
     width, decoder_width = _whole(fields, "in_dim", config), _whole(fields, "vertice_dim", config)
     if width != decoder_width or width % 3:
         raise ConfigError(
-            f"{config}: in_dim {width} and vertice_dim {decoder_width} must be the same multiple of 3"
+            f"{config}: in_dim is {width} and vertice_dim {decoder_width}; "
+            "expected the same multiple of 3"
         )
     return width // 3
 

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import onnx
 import torch
-from facecode_spec.graphs import OPSET, GraphSpec, TensorSpec
 from torch import Tensor, nn
+
+from facecode_spec.graphs import OPSET, GraphSpec, TensorSpec
 
 DTYPES = {"float32": torch.float32, "int64": torch.int64}
 SAMPLE_SIZES = {"batch": 2, "n_samples": 5000, "n_past": 5, "n_prefix": 6, "n_shown": 3}
@@ -26,7 +27,7 @@ SAMPLE_SIZES = {"batch": 2, "n_samples": 5000, "n_past": 5, "n_prefix": 6, "n_sh
 def export_graph(view: nn.Module, spec: GraphSpec, path: Path) -> None:
     """Write `view` to `path` as ONNX."""
     samples = tuple(_sample(tensor) for tensor in spec.inputs)
-    dims = {name: torch.export.Dim.DYNAMIC for name in SAMPLE_SIZES}
+    dims = dict.fromkeys(SAMPLE_SIZES, torch.export.Dim.DYNAMIC)
     shapes = tuple(
         {i: dims[axis] for i, axis in enumerate(tensor.axes) if isinstance(axis, str)}
         for tensor in spec.inputs
@@ -45,6 +46,7 @@ def export_graph(view: nn.Module, spec: GraphSpec, path: Path) -> None:
     assert program is not None
     model = program.model_proto
     _name_axes(model.graph, spec)
+    _strip_traces(model)
     onnx.checker.check_model(model)
     path.write_bytes(model.SerializeToString())
 
@@ -77,6 +79,15 @@ def _name_axes(graph: onnx.GraphProto, spec: GraphSpec) -> None:
                 else:
                     assert dim.dim_value in (axis, 0), (value.name, axis)
                     dim.dim_value = axis
+
+
+def _strip_traces(model: onnx.ModelProto) -> None:
+    """Remove the exporter's notes: stack traces with the paths of this machine, traced shapes."""
+    graph = model.graph
+    for item in (model, graph, *graph.node, *graph.input, *graph.output, *graph.initializer):
+        item.ClearField("metadata_props")
+        item.ClearField("doc_string")
+    graph.ClearField("value_info")
 
 
 @contextlib.contextmanager

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from facecode.errors import OutputFolderError
-
 from facecode_exporter.errors import OutputExistsError
 
 

@@ -1,7 +1,7 @@
 """The runtime against the torch networks: graph by graph, and whole clips through the loop.
 
-Graphs are compared with the views on random input at sizes that the export did not see. Clips are
-compared with the public algorithm (`CodeTalker.predict`), which shares no fast path with the graphs.
+Graphs are compared with the views on random input at sizes that the export did not see. Clips
+are compared with the public algorithm (`CodeTalker.predict`), which shares no fast path with them.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor, nn
+
 from facecode.animator import Animator
 from facecode.arrays import AnyArray, Audio, Float32
 from facecode.audio import normalise
 from facecode.session import Graph
-from facecode_spec.graphs import VERTICES, GraphSpec, TensorSpec
-from facecode_spec.manifest import ParityCase, ParityReport
-from torch import Tensor, nn
-
 from facecode_exporter.errors import ParityError
 from facecode_exporter.nets.codetalker import CodeTalker, Prediction
 from facecode_exporter.nets.vq_autoencoder import Quantizer
+from facecode_spec.graphs import VERTICES, GraphSpec, TensorSpec
+from facecode_spec.manifest import ParityCase, ParityReport
 
 Steps = Callable[[Iterable[int]], Iterable[int]]
 GRAPH_SIZES: tuple[dict[str, int], ...] = (
@@ -96,9 +96,7 @@ def require_parity(cases: Iterable[ParityCase]) -> None:
     """
     cases = tuple(cases)
     failed = [
-        c
-        for c in cases
-        if c.n_codes_equal != c.n_codes or not c.max_vertex_error <= VERTICES.atol
+        c for c in cases if c.n_codes_equal != c.n_codes or not c.max_vertex_error <= VERTICES.atol
     ]
     if failed:
         lines = "\n  ".join(describe_case(c) for c in cases)
@@ -121,7 +119,7 @@ def min_code_margin(truth: Prediction, quantizer: Quantizer) -> float:
     """Smallest relative gap between nearest and second-nearest code: how far noise may reach."""
     rows = quantizer.embedding.weight.double()
     distance = torch.cdist(truth.features.double().flatten(0, -2), rows).square()
-    nearest, second = distance.topk(2, largest=False).values.unbind(-1)
+    nearest, second = distance.detach().topk(2, largest=False).values.unbind(-1)
     return float(((second - nearest) / second.clamp_min(1e-30)).min())
 
 

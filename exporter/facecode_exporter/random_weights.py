@@ -9,11 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import torch
-from facecode_spec.schema import SystemSpec
 
 from facecode_exporter.checkpoints import save_codetalker
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.output_folder import replacing
+from facecode_spec.schema import SystemSpec
 
 STAGE1, STAGE2 = "stage1.pth.tar", "stage2.pth.tar"
 

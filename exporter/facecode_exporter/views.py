@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from facecode_exporter.nets.codetalker import CodeTalker, alibi_slopes
-from facecode_exporter.nets.vq_autoencoder import Attention, Mlp
+from facecode_exporter.nets.vq_autoencoder import Attention, PreNorm, Residual
 
 
 def fuse(outer: nn.Linear, inner: nn.Linear) -> nn.Linear:
@@ -83,26 +83,22 @@ class SelfAttentionStep(nn.Module):
     but reads past rows where they lie, without the transposed copy.
     """
 
-    def __init__(self, attention: nn.MultiheadAttention, period: int) -> None:
+    def __init__(self, attention: nn.MultiheadAttention) -> None:
         super().__init__()
         n_heads, dim = attention.num_heads, attention.embed_dim
         head_dim = dim // n_heads
         self.to_qkv = stack([scaled(rows(attention, 0), head_dim**-0.5), *rows_kv(attention)])
         self.to_out = attention.out_proj
-        self.period = period
         owner = torch.arange(dim) // head_dim
         self.register_buffer("heads", (owner[:, None] == torch.arange(n_heads)).float())
-        self.register_buffer("slopes", torch.tensor(alibi_slopes(n_heads)))
         self.heads: Tensor
-        self.slopes: Tensor
 
-    def forward(self, x: Tensor, keys: Tensor, values: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """x (B, D), past rows (B, n, D) to attended (B, D) and the new key and value (B, D)."""
+    def forward(
+        self, x: Tensor, keys: Tensor, values: Tensor, bias: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """x (B, D), past rows (B, n, D), bias (n, heads) to attended, new key, new value (B, D)."""
         query, key, value = self.to_qkv(x).chunk(3, dim=-1)
         per_head = query[:, :, None] * self.heads
-        n_past = keys.shape[1]
-        distance = n_past - torch.arange(n_past)
-        bias = -torch.div(distance, self.period, rounding_mode="floor")[:, None] * self.slopes
         past_scores = keys @ per_head + bias
         own_score = key[:, None] @ per_head
         weights = torch.softmax(torch.cat([past_scores, own_score], dim=1), dim=1)
@@ -150,7 +146,7 @@ class DecoderStepView(nn.Module):
         self.n_layers, self.period = spec.n_layers, spec.period
         self.layers = net.transformer_decoder.layers
         self.self_attention = nn.ModuleList(
-            [SelfAttentionStep(layer.self_attn, spec.period) for layer in self.layers]
+            [SelfAttentionStep(layer.self_attn) for layer in self.layers]
         )
         self.one_row = net.system.speech_encoder.memory_rows_per_frame == 1
         if not self.one_row:
@@ -160,6 +156,8 @@ class DecoderStepView(nn.Module):
         self.style_rows = net.learnable_style_emb
         self.register_buffer("position_code", net.position_code)
         self.position_code: Tensor
+        self.register_buffer("slopes", torch.tensor(alibi_slopes(spec.n_heads)))
+        self.slopes: Tensor
         self.feat_map = net.feat_map
         self.code_shape = (net.part.codebook.codes_per_frame, net.part.codebook.dim)
 
@@ -170,9 +168,10 @@ class DecoderStepView(nn.Module):
         cross, past = state[: -2 * self.n_layers], state[-2 * self.n_layers :]
         position = self.position_code.index_select(0, (step % self.period)[None])
         x = motion + style @ self.style_rows.weight + position
+        bias = self._bias(past[0].shape[1])
         keys, values = [], []
         for i, layer in enumerate(self.layers):
-            attended, key, value = self.self_attention[i](x, past[i], past[self.n_layers + i])
+            attended, key, value = self.self_attention[i](x, past[i], past[self.n_layers + i], bias)
             keys.append(key)
             values.append(value)
             x = layer.norm1(x + attended)
@@ -180,6 +179,12 @@ class DecoderStepView(nn.Module):
             x = layer.norm3(x + layer.linear2(torch.relu(layer.linear1(x))))
         features = self.feat_map(x).unflatten(-1, self.code_shape)
         return features, torch.stack(keys), torch.stack(values)
+
+    def _bias(self, n_past: int) -> Tensor:
+        """-floor(distance / period) * slope for every past frame and head: (n_past, heads)."""
+        distance = n_past - torch.arange(n_past)
+        steps = torch.div(distance, self.period, rounding_mode="floor")
+        return -steps[:, None] * self.slopes
 
     def _cross(self, i: int, x: Tensor, cross: tuple[Tensor, ...]) -> Tensor:
         if self.one_row:
@@ -190,10 +195,11 @@ class DecoderStepView(nn.Module):
 class LastLayer(nn.Module):
     """The last transformer layer of the motion decoder, for the frames that are asked for."""
 
-    def __init__(self, attention_block: nn.Module, mlp_block: nn.Module) -> None:
+    def __init__(self, attention_block: Residual, mlp_block: Residual) -> None:
         super().__init__()
-        pre_norm, self.mlp = cast(nn.Module, attention_block.fn), mlp_block
+        pre_norm = cast(PreNorm, attention_block.fn)
         self.norm, self.attention = pre_norm.norm, cast(Attention, pre_norm.fn)
+        self.mlp = mlp_block
         dim = self.attention.dim
         weight = self.attention.to_qkv.weight
         self.to_query = nn.Linear(dim, dim, bias=False)
@@ -204,7 +210,7 @@ class LastLayer(nn.Module):
 
     def forward(self, x: Tensor, frames: Tensor) -> Tensor:
         """x (B, n, E), frames (m,) to hidden (B, m, E)."""
-        normed = cast(Tensor, self.norm(x))
+        normed = self.norm(x)
         key, value = self.to_key_value(normed).chunk(2, dim=-1)
         query = self.to_query(normed.index_select(1, frames))
         shown = x.index_select(1, frames) + self.attention.attend(query, key, value)
@@ -218,8 +224,7 @@ class MotionDecoderView(nn.Module):
         super().__init__()
         self.quantize = net.autoencoder.quantize
         self.decoder = net.autoencoder.decoder
-        blocks = list(self.decoder.transformer.net)
-        assert isinstance(blocks[-1].fn.fn, Mlp)
+        blocks = [cast(Residual, block) for block in self.decoder.transformer.net]
         self.first_blocks = nn.ModuleList(blocks[:-2])
         self.last = LastLayer(blocks[-2], blocks[-1])
         self.feed_back = fuse(net.vertice_map, self.decoder.vertice_map_reverse)

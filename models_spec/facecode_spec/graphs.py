@@ -49,7 +49,9 @@ class GraphSpec:
     tolerance: Tolerance
 
 
-VERTICES = Tolerance(1e-4, "the public code in float32 and float64 differs by 4e-6 (5e-6 at 809 frames)")
+VERTICES = Tolerance(
+    1e-4, "the public code in float32 and float64 differs by 4e-6 (5e-6 at 809 frames)"
+)
 """For whole clips, in the unit of the system. Codes have no tolerance: they are equal."""
 
 

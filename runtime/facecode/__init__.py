@@ -1,7 +1,7 @@
 """Speech in, 3D facial animation out: run facecode bundles without torch.
 
-    face = facecode.load("bundle")
-    face.animate("speech.wav").save("talk.npz")
+face = facecode.load("bundle")
+face.animate("speech.wav").save("talk.npz")
 """
 
 from facecode.animation import Animation

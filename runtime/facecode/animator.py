@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-from facecode_spec.manifest import Manifest, PartEntry
 
 from facecode.animation import Animation
 from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets, Vectors
@@ -24,6 +23,7 @@ from facecode.errors import ManifestError, ModeError
 from facecode.session import Graph, default_threads
 from facecode.styles import Style, style_weights
 from facecode.template import TemplateSource, load_template
+from facecode_spec.manifest import Manifest, PartEntry
 
 Mode: TypeAlias = Literal["exact", "window"]
 MODES: tuple[Mode, ...] = ("exact", "window")
@@ -229,7 +229,8 @@ def window_frames(mode: str, window: int | None) -> int | None:
 
 def memory_frames(memory: Memory) -> int:
     """T of an encoded clip."""
-    return next(iter(memory.values())).shape[1]
+    n_frames: int = next(iter(memory.values())).shape[1]
+    return n_frames
 
 
 def _steps(n_frames: int, progress: bool) -> Iterable[int]:

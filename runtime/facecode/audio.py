@@ -63,7 +63,8 @@ def normalise(audio: Audio) -> Audio:
     """
     mean = audio.mean(dtype=np.float64)
     variance = np.square(audio - mean, dtype=np.float64).mean()
-    return ((audio - mean) / np.sqrt(variance + 1e-7)).astype(np.float32)
+    normalised: Audio = ((audio - mean) / np.sqrt(variance + 1e-7)).astype(np.float32)
+    return normalised
 
 
 def require_one_frame(audio: Audio, rate: int, min_samples: int) -> None:

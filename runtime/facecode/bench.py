@@ -24,7 +24,6 @@ from facecode.session import ONNXRUNTIME_VERSION, Graph
 
 SPEECH = Path(__file__).parent / "assets" / "speech.flac"
 WARM_UP_S = 1.0
-PERCENTILES = (50, 95, 99)
 
 
 class TimedGraph(Graph):
@@ -56,7 +55,8 @@ class Latency:
     def of(cls, seconds: Iterable[float]) -> Latency:
         """Summarise durations in seconds."""
         ms = 1000 * np.array(list(seconds))
-        return cls(*(float(p) for p in np.percentile(ms, PERCENTILES)), float(ms.mean()))
+        p50, p95, p99 = (float(p) for p in np.percentile(ms, (50, 95, 99)))
+        return cls(p50, p95, p99, float(ms.mean()))
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ def table(report: BenchReport) -> str:
         f"({r.n_frames} frames) after {r.warm_up_s:g} s of warm-up\n"
         f"{r.cpu}, {r.threads} threads, onnxruntime {r.onnxruntime}, Python {r.python}\n"
     )
-    rows = [("ms per frame", "p50", "p95", "p99", "mean")]
+    rows: list[tuple[str, ...]] = [("ms per frame", "p50", "p95", "p99", "mean")]
     for name, latency in (
         ("frame (loop)", r.frame),
         ("  decoder step", r.decoder_step),
@@ -235,5 +235,3 @@ def peak_memory_mb() -> float:
         return float("nan")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
-
-

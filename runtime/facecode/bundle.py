@@ -1,7 +1,7 @@
 """Open and verify a bundle: a folder with manifest.json, graphs and arrays.
 
-Every file that the manifest lists is checked (path, size, SHA-256, external data) before anything is
-loaded from it. Knows nothing of onnxruntime.
+Every file that the manifest lists is checked (path, size, SHA-256, external data) before anything
+is loaded from it. Knows nothing of onnxruntime.
 """
 
 from __future__ import annotations
@@ -12,13 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from facecode_spec.manifest import (
-    MANIFEST_NAME,
-    GraphEntry,
-    Manifest,
-    NewerFormatError,
-)
-from facecode_spec.schema import SpecError
 
 from facecode.arrays import AnyArray, Faces, Template
 from facecode.errors import (
@@ -31,6 +24,13 @@ from facecode.errors import (
     UnsafePathError,
 )
 from facecode.external_data import external_files
+from facecode_spec.manifest import (
+    MANIFEST_NAME,
+    GraphEntry,
+    Manifest,
+    NewerFormatError,
+)
+from facecode_spec.schema import SpecError
 
 PACKAGED_BUNDLE = Path(__file__).parent / "assets" / "demo"
 
@@ -121,9 +121,7 @@ def graph_entries(manifest: Manifest) -> list[GraphEntry]:
     return entries
 
 
-def load_array(
-    root: Path, name: str, shape: tuple[int, ...], dtype: type[np.generic]
-) -> AnyArray:
+def load_array(root: Path, name: str, shape: tuple[int, ...], dtype: type[np.generic]) -> AnyArray:
     """The array in file `name`; -1 in `shape` is any size.
 
     Raises:

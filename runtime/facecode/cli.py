@@ -7,7 +7,7 @@ import io
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import facecode
@@ -137,8 +137,8 @@ def _add_threads(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=_positive(int), metavar="N", help="default: all cores")
 
 
-def _positive(kind: type[int] | type[float]):  # noqa: ANN202
-    def convert(text: str) -> int | float:
+def _positive(kind: type[int] | type[float]) -> Callable[[str], float]:
+    def convert(text: str) -> float:
         value = kind(text)
         if not 0 < value < float("inf"):
             raise argparse.ArgumentTypeError(f"expected a positive number, got {text}")
@@ -150,5 +150,3 @@ def _positive(kind: type[int] | type[float]):  # noqa: ANN202
 
 if __name__ == "__main__":
     sys.exit(main())
-
-

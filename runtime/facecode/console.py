@@ -18,12 +18,13 @@ DONE, DEFECT, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 
 def guarded(program: str, command: Callable[[], int | None], debug: bool) -> int:
     """Run `command` and turn exceptions into an exit code and a line on stderr."""
-    if not debug:
-        warnings.showwarning = lambda message, *_, **__: print(  # type: ignore[assignment]
-            f"{program}: warning: {message}", file=sys.stderr
-        )
     try:
-        return command() or DONE
+        with warnings.catch_warnings():
+            if not debug:
+                warnings.showwarning = lambda message, *_, **__: print(
+                    f"{program}: warning: {message}", file=sys.stderr
+                )
+            return command() or DONE
     except FacecodeError as error:
         code, line = error.exit_code, f"{program}: {error}"
     except KeyboardInterrupt:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from facecode_spec.schema import to_plain
-
 from facecode.bundle import Bundle, graph_entries
+from facecode_spec.schema import to_plain
 
 
 def describe(bundle: Bundle) -> dict[str, Any]:
@@ -54,4 +53,4 @@ def _parity(bundle: Bundle) -> str:
 
 
 def _megabytes(n_bytes: int) -> str:
-    return f"{n_bytes / 1e6:,.1f} MB"
+    return f"{n_bytes / 1e6:,.1f} MB" if n_bytes >= 1e5 else f"{n_bytes / 1e3:,.1f} kB"

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import onnxruntime as ort
-from facecode_spec.manifest import GraphEntry
 
 from facecode.arrays import AnyArray
 from facecode.errors import GraphError
+from facecode_spec.manifest import GraphEntry
 
 ONNXRUNTIME_VERSION: str = ort.__version__
 

@@ -11,24 +11,24 @@ from dataclasses import dataclass
 from typing import cast
 
 import torch
-from facecode_spec.schema import PartSpec, SystemSpec
 from torch import Tensor, nn
 
 from facecode_exporter.nets.sinusoid import sinusoid
 from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
 from facecode_exporter.nets.wav2vec2 import Wav2Vec2
+from facecode_spec.schema import PartSpec, SystemSpec
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the network says for a batch of clips: codes (B, T, H), offsets (B, T, V, 3),
-
-    and the features (B, T, H, C) that the codes were chosen from.
-    """
+    """What the network says for a batch of clips."""
 
     codes: Tensor
+    """(B, T, H) int64"""
     offsets: Tensor
+    """(B, T, V, 3)"""
     features: Tensor
+    """(B, T, H, C), what the codes were chosen from"""
 
 
 class CodeTalker(nn.Module):
@@ -72,9 +72,7 @@ class CodeTalker(nn.Module):
             memory_mask=cross_mask(n_frames, memory.shape[1], rows),
         )
         book = self.part.codebook
-        return cast(
-            Tensor, self.feat_map(hidden).unflatten(-1, (book.codes_per_frame, book.dim))
-        )
+        return cast(Tensor, self.feat_map(hidden).unflatten(-1, (book.codes_per_frame, book.dim)))
 
     @torch.no_grad()
     def predict(

@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import cast
 
 import torch
-from facecode_spec.schema import PartSpec
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from facecode_exporter.nets.sinusoid import sinusoid
+from facecode_spec.schema import PartSpec
 
 
 class Attention(nn.Module):
@@ -32,13 +32,11 @@ class Attention(nn.Module):
 
     def attend(self, query: Tensor, key: Tensor, value: Tensor) -> Tensor:
         """Queries (B, n, E) over keys and values (B, T, E), then the output layer."""
-        query, key, value = (self._split(t) for t in (query, key, value))
+        split = (self.n_heads, -1)
+        query, key, value = (t.unflatten(-1, split).transpose(1, 2) for t in (query, key, value))
         weights = torch.softmax(query @ key.transpose(-1, -2) * self.dim**-0.5, dim=-1)
         mixed = (weights @ value).transpose(1, 2).flatten(2)
         return cast(Tensor, self.to_out(mixed))
-
-    def _split(self, x: Tensor) -> Tensor:
-        return x.unflatten(-1, (self.n_heads, -1)).transpose(1, 2)
 
 
 class Mlp(nn.Module):
@@ -130,6 +128,10 @@ class Net(nn.Module):
         return cast(Tensor, self.net(x))
 
 
+CONVOLUTION = {"encoder": "squasher", "decoder": "expander"}
+"""Public names of the temporal convolution."""
+
+
 class TemporalTrunk(nn.Module):
     """What encoder and decoder share: convolution, norm, linear, constant, transformer."""
 
@@ -143,8 +145,7 @@ class TemporalTrunk(nn.Module):
             nn.LeakyReLU(spec.negative_slope),
             ClipNorm(dim, spec.norm_affine),
         )
-        conv_name = "squasher" if side == "encoder" else "expander"
-        self.add_module(conv_name, nn.Sequential(convolution))
+        self.add_module(CONVOLUTION[side], nn.Sequential(convolution))
         self.add_module(f"{side}_linear_embedding", Net(dim, dim))
         self.add_module(
             f"{side}_transformer",
@@ -161,8 +162,8 @@ class TemporalTrunk(nn.Module):
 
     def before_transformer(self, x: Tensor) -> Tensor:
         """(B, T, E) to (B, T, E): convolution, norm over the clip, linear layer, constant."""
-        convolution = self.squasher if self.side == "encoder" else self.expander
-        x = cast(Tensor, convolution(x.transpose(1, 2)).transpose(1, 2))
+        convolution = self.get_submodule(CONVOLUTION[self.side])
+        x = convolution(x.transpose(1, 2)).transpose(1, 2)
         return cast(Tensor, getattr(self, f"{self.side}_linear_embedding")(x)) + self.constant
 
 
@@ -184,7 +185,7 @@ class VQEncoder(TemporalTrunk):
         x = self.transformer(self.before_transformer(self.vertice_mapping(offsets)))
         if hasattr(self, "encoder_linear_embedding_post"):
             x = self.encoder_linear_embedding_post(x)
-        return cast(Tensor, x).unflatten(-1, self.code_shape)
+        return cast(Tensor, x.unflatten(-1, self.code_shape))
 
 
 class VQDecoder(TemporalTrunk):

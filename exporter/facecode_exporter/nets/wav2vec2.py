@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import Any, cast
 
 import torch
-from facecode_spec.schema import SpeechEncoderSpec
 from torch import Tensor
 from torch.nn.utils.parametrize import remove_parametrizations
 from transformers import Wav2Vec2Config, Wav2Vec2Model
+
+from facecode_spec.schema import SpeechEncoderSpec
 
 
 class Wav2Vec2(Wav2Vec2Model):  # type: ignore[misc]

@@ -11,7 +11,7 @@ from facecode_spec.schema import (
 
 SPEC = SystemSpec(
     name="codetalker-vocaset",
-    reference="Xing et al., CodeTalker: Speech-Driven 3D Facial Animation with Discrete Motion Prior, CVPR 2023",
+    reference="Xing et al., CodeTalker, CVPR 2023",
     fps=30.0,
     n_vertices=5023,
     unit="metres",

@@ -33,7 +33,8 @@ def check_output(path: Path) -> None:
     """
     if path.suffix.lower() not in WRITERS:
         raise OutputSuffixError(
-            f"cannot write {path.name!r}: the suffix {path.suffix!r} is none of {', '.join(WRITERS)}"
+            f"cannot write {path.name!r}: the suffix is {path.suffix!r}; expected one of "
+            f"{', '.join(WRITERS)}"
         )
     if not path.parent.is_dir():
         raise OutputFolderError(f"the folder {path.parent} does not exist; create it first")
