@@ -80,7 +80,7 @@ def with_wav2vec2(system: SystemSpec, config: Path) -> SystemSpec:
     encoder = dataclasses.replace(system.speech_encoder, architecture=architecture)
     try:
         min_samples = samples_for(encoder, system.fps, 1)
-    except (ValueError, TypeError) as error:
+    except Exception as error:  # transformers wraps what it refuses in classes of its own
         raise ConfigError(f"{config}: {error}") from error
     encoder = dataclasses.replace(encoder, min_samples=min_samples)
     return dataclasses.replace(system, speech_encoder=encoder)

@@ -25,18 +25,21 @@ def guarded(program: str, command: Callable[[], int | None], debug: bool) -> int
                     f"{program}: warning: {message}", file=sys.stderr
                 )
             return command() or DONE
-    except FacecodeError as error:
-        code, line = error.exit_code, f"{program}: {error}"
-    except KeyboardInterrupt:
-        code, line = INTERRUPTED, f"{program}: interrupted; nothing was left half-written"
     except BrokenPipeError:
         # The reader of stdout went away; what is still buffered must not fail at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return MISTAKE
-    except Exception as error:
-        code = DEFECT
-        line = f"{program}: defect: {type(error).__name__}: {error} (--debug shows where)"
-    if debug:
-        traceback.print_exc()
-    print(line, file=sys.stderr)
-    return code
+    except (Exception, KeyboardInterrupt) as error:
+        if debug:
+            traceback.print_exc()
+        code, line = _verdict(error)
+        print(f"{program}: {line}", file=sys.stderr)
+        return code
+
+
+def _verdict(error: BaseException) -> tuple[int, str]:
+    if isinstance(error, FacecodeError):
+        return error.exit_code, str(error)
+    if isinstance(error, KeyboardInterrupt):
+        return INTERRUPTED, "interrupted; nothing was left half-written"
+    return DEFECT, f"defect: {type(error).__name__}: {error} (--debug shows where)"

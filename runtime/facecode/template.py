@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import io
+import itertools
 import os
-import re
 from pathlib import Path
 from typing import TypeAlias
 
@@ -53,26 +52,35 @@ def read_mesh(path: Path) -> tuple[AnyArray, Faces | None]:
     try:
         if suffix == ".npy":
             return np.load(path, allow_pickle=False), None
-        import trimesh
-
-        data = path.read_bytes()
-        content = _plain_obj(data) if suffix == ".obj" else data
-        mesh = trimesh.load(io.BytesIO(content), file_type=suffix[1:], process=False)
-        vertices = np.asarray(mesh.vertices)
-        faces = getattr(mesh, "faces", None)
+        if suffix == ".obj":
+            return _read_obj(path.read_text(encoding="utf-8", errors="replace"))
+        return _read_ply(path)
     except Exception as error:  # parsers of broken files raise whatever they stumble over
         raise TemplateError(f"template {path} cannot be read: {error}") from error
-    if faces is None or len(faces) == 0:
-        return vertices, None
-    return vertices, np.ascontiguousarray(faces, dtype=np.int32)
 
 
-def _plain_obj(data: bytes) -> bytes:
-    """Positions and faces only: a reader that sees texture seams splits vertices along them."""
-    lines = []
-    for line in data.decode("utf-8", "replace").splitlines():
-        if line.startswith("v "):
-            lines.append(line)
-        elif line.startswith("f "):
-            lines.append(re.sub(r"/\S*", "", line))
-    return "\n".join(lines).encode()
+def _read_ply(path: Path) -> tuple[AnyArray, Faces | None]:
+    import trimesh
+
+    mesh = trimesh.load(path, process=False, fix_texture=False)  # keep the order of the file
+    faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int32)
+    return np.asarray(mesh.vertices), faces if faces.size else None
+
+
+def _read_obj(text: str) -> tuple[AnyArray, Faces | None]:
+    """Positions and triangles in file order.
+
+    Not by trimesh, which splits vertices along texture seams and drops those without a face:
+    a template's order is its meaning.
+    """
+    vertices: list[list[float]] = []
+    faces: list[list[int]] = []
+    for line in text.splitlines():
+        kind, *values = line.split() or [""]
+        if kind == "v":
+            vertices.append([float(v) for v in values[:3]])
+        elif kind == "f":
+            numbers = [int(v.partition("/")[0]) for v in values]
+            corners = [n - 1 if n > 0 else len(vertices) + n for n in numbers]
+            faces += [[corners[0], b, c] for b, c in itertools.pairwise(corners[1:])]
+    return np.array(vertices), np.array(faces, dtype=np.int32) if faces else None

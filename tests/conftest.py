@@ -1,0 +1,140 @@
+"""Shared cases: the goldens' checkpoints, their bundles, and a tiny bundle that needs no torch."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+import facecode
+
+DATA = Path(__file__).parent / "data"
+TINY = DATA / "tiny-bundle"
+SPEECH = Path(facecode.__file__).parent / "assets" / "speech.flac"
+GOLDENS = ("codetalker-vocaset-tiny", "codetalker-biwi-tiny")
+
+
+@dataclass(frozen=True)
+class Golden:
+    """A case of the public code with its checkpoint files."""
+
+    folder: Path
+    stage1: Path
+    stage2: Path
+
+    @property
+    def config(self):
+        return self.folder / "config.yaml"
+
+    @property
+    def wav2vec2(self):
+        return self.folder / "wav2vec2.json"
+
+    @property
+    def speech(self):
+        return self.folder / "speech.wav"
+
+    @property
+    def template(self):
+        return self.folder / "template.npy"
+
+    def export_args(self, out):
+        return [
+            "export", "--stage1", str(self.stage1), "--stage2", str(self.stage2),
+            "--config", str(self.config), "--wav2vec2-config", str(self.wav2vec2),
+            "--template", str(self.template), "--out", str(out), "--quiet",
+        ]  # fmt: skip
+
+    def styles(self):
+        return json.loads((self.folder / "styles.json").read_text())
+
+    def expected(self, i):
+        with np.load(self.folder / f"expected_{i}.npz") as arrays:
+            return arrays["codes"], arrays["vertices"]
+
+
+def write_checkpoints(case: Path, out: Path) -> Golden:
+    """The golden's float16 arrays as the two public checkpoint files, position tables included."""
+    import torch
+    import yaml
+
+    from facecode_exporter.nets.sinusoid import sinusoid
+
+    config = yaml.safe_load((case / "config.yaml").read_text())
+    period = config["PREDICTOR"]["period"]
+    paths = []
+    for stage in ("stage1", "stage2"):
+        with np.load(case / f"{stage}.npz") as arrays:
+            state = {n: torch.from_numpy(arrays[n]).float() for n in arrays.files}
+        if stage == "stage1":
+            for side in ("encoder", "decoder"):
+                table = sinusoid(5000, config["NETWORK"]["hidden_size"])
+                state[f"{side}.{side}_pos_embedding.pe"] = table[:, None]
+        else:
+            table = sinusoid(period, config["PREDICTOR"]["feature_dim"])
+            state["PPE.pe"] = table.repeat(600 // period + 1, 1)[None]
+        paths.append(out / f"{stage}.pth.tar")
+        torch.save({"state_dict": state}, paths[-1])
+    return Golden(case, *paths)
+
+
+@pytest.fixture(scope="session", params=GOLDENS)
+def golden(request, tmp_path_factory):
+    return write_checkpoints(DATA / request.param, tmp_path_factory.mktemp(request.param))
+
+
+@pytest.fixture(scope="session")
+def golden_bundle(golden, tmp_path_factory):
+    """The golden exported through the command line."""
+    from facecode_exporter.cli import main
+
+    out = tmp_path_factory.mktemp("bundles") / golden.folder.name
+    assert main(golden.export_args(out)) == 0
+    return out
+
+
+@pytest.fixture(scope="session")
+def vocaset_golden(tmp_path_factory):
+    return write_checkpoints(DATA / GOLDENS[0], tmp_path_factory.mktemp("vocaset"))
+
+
+@pytest.fixture(scope="session")
+def tiny():
+    """The committed bundle of random weights; see data/make_tiny_bundle.sh."""
+    return facecode.load(TINY, threads=1)
+
+
+@pytest.fixture
+def tiny_copy(tmp_path):
+    """A bundle to damage."""
+    return shutil.copytree(TINY, tmp_path / "bundle")
+
+
+@pytest.fixture(scope="session")
+def speech():
+    """The packaged recording: (samples, rate)."""
+    return soundfile.read(SPEECH, dtype="float32")
+
+
+@pytest.fixture
+def run_cli(tmp_path):
+    """Run `python -m facecode.cli` in another process, as a user would."""
+
+    def run(*args, **kwargs):
+        return subprocess.run(
+            [sys.executable, "-m", "facecode.cli", *map(str, args)],
+            capture_output=True,
+            text=kwargs.pop("text", True),
+            cwd=tmp_path,
+            timeout=120,
+            **kwargs,
+        )
+
+    return run

@@ -1,0 +1,201 @@
+"""Public checkpoint files in all their spellings, and files that are none."""
+
+import pickle
+
+import pytest
+import torch
+
+from facecode_exporter.checkpoints import (
+    CONV,
+    load_codetalker,
+    read_state,
+    save_codetalker,
+)
+from facecode_exporter.errors import (
+    CheckpointError,
+    CheckpointNotFoundError,
+    SwappedCheckpointsError,
+)
+from facecode_exporter.nets.codetalker import alibi_slopes
+from facecode_exporter.random_weights import random_codetalker
+from facecode_spec.systems import SYSTEMS
+
+TINY = SYSTEMS["codetalker-tiny"]
+
+
+@pytest.fixture(scope="module")
+def net():
+    return random_codetalker(TINY, seed=1)
+
+
+@pytest.fixture
+def files(net, tmp_path):
+    paths = tmp_path / "stage1.pth.tar", tmp_path / "stage2.pth.tar"
+    save_codetalker(net, *paths)
+    return paths
+
+
+def edit(path, change):
+    """Rewrite a checkpoint with what `change` makes of its state dict."""
+    state = torch.load(path, weights_only=True)["state_dict"]
+    torch.save({"state_dict": change(state)}, path)
+
+
+def assert_same(net, other, atol=0.0):
+    for name, value in net.state_dict().items():
+        torch.testing.assert_close(other.state_dict()[name], value, rtol=0, atol=atol, msg=name)
+
+
+def test_round_trip(net, files):
+    assert_same(net, load_codetalker(TINY, *files), atol=1e-7)
+
+
+def test_public_layout(files):
+    first, second = (torch.load(f, weights_only=True)["state_dict"] for f in files)
+    assert first["decoder.decoder_pos_embedding.pe"].shape == (5000, 1, 32)
+    assert second["PPE.pe"].shape == (1, 630, 32)
+    assert {f"{CONV}.weight_g", f"{CONV}.weight_v", "audio_encoder.masked_spec_embed"} <= set(
+        second
+    )
+    assert not any("autoencoder" in name for name in second)
+
+
+def test_module_prefix(net, files):
+    for file in files:
+        edit(file, lambda state: {f"module.{k}": v for k, v in state.items()})
+    assert_same(net, load_codetalker(TINY, *files), atol=1e-7)
+
+
+def test_new_weight_norm_names(net, files):
+    def rename(state):
+        for old, new in (("weight_g", "original0"), ("weight_v", "original1")):
+            state[f"{CONV}.parametrizations.weight.{new}"] = state.pop(f"{CONV}.{old}")
+        return state
+
+    edit(files[1], rename)
+    assert_same(net, load_codetalker(TINY, *files), atol=1e-7)
+
+
+def test_weight_norm_is_folded_as_torch_does(files):
+    def scale(state):
+        state[f"{CONV}.weight_g"] *= torch.linspace(0.5, 2, 16)
+        state[f"{CONV}.weight_v"] *= 3
+        return state
+
+    edit(files[1], scale)
+    state = torch.load(files[1], weights_only=True)["state_dict"]
+    want = torch._weight_norm(state[f"{CONV}.weight_v"], state[f"{CONV}.weight_g"], 2)
+    folded = load_codetalker(TINY, *files).audio_encoder.encoder.pos_conv_embed.conv.weight
+    torch.testing.assert_close(folded, want)
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.float64, torch.bfloat16])
+def test_other_dtypes(net, files, dtype):
+    for file in files:
+        edit(file, lambda state: {k: v.to(dtype) for k, v in state.items()})
+    loaded = load_codetalker(TINY, *files)
+    assert loaded.feat_map.weight.dtype == torch.float32
+    assert_same(net, loaded, atol=1e-7 if dtype == torch.float64 else 2e-2)
+
+
+def test_position_tables_may_be_absent(net, files):
+    edit(files[0], lambda s: {k: v for k, v in s.items() if not k.endswith(".pe")})
+    edit(files[1], lambda s: {k: v for k, v in s.items() if k != "PPE.pe"})
+    loaded = load_codetalker(TINY, *files)
+    torch.testing.assert_close(loaded.position_code, net.position_code)
+
+
+def test_position_tables_of_the_file_are_used(files):
+    for file in files:
+        edit(file, lambda s: {k: v * 0 + 0.5 if k.endswith("pe") else v for k, v in s.items()})
+    loaded = load_codetalker(TINY, *files)
+    assert (loaded.autoencoder.decoder.constant == 0.5).all()
+    assert (loaded.position_code == 0.5).all()
+
+
+def test_plain_state_dict_and_saved_autoencoder(net, files):
+    first = torch.load(files[0], weights_only=True)["state_dict"]
+    edit(files[1], lambda s: {**s, **{f"autoencoder.{k}": v for k, v in first.items()}})
+    torch.save(first, files[0])
+    assert_same(net, load_codetalker(TINY, *files), atol=1e-7)
+
+
+def test_all_problems_in_one_error(files):
+    def damage(state):
+        state["feat_map.weight"] = state["feat_map.weight"][:-1]
+        state["surprise"] = torch.zeros(1)
+        del state["vertice_map.bias"]
+        state["audio_feature_map.bias"][3] = float("nan")
+        return state
+
+    edit(files[1], damage)
+    edit(files[0], lambda s: {k: v for k, v in s.items() if not k.startswith("quantize")})
+    with pytest.raises(CheckpointError) as caught:
+        load_codetalker(TINY, *files)
+    text = str(caught.value)
+    assert "5 problems" in text
+    assert f"stage 1, {files[0]}: quantize.embedding.weight (32, 8) is missing" in text
+    assert f"stage 2, {files[1]}: vertice_map.bias (32,) is missing" in text
+    assert "surprise is not known" in text
+    assert "feat_map.weight is (31, 32), expected (32, 32)" in text
+    assert "audio_feature_map.bias holds NaN" in text
+
+
+def test_many_problems_are_cut(files):
+    edit(files[1], lambda s: {k: v for k, v in s.items() if k.startswith("transformer_decoder")})
+    with pytest.raises(CheckpointError, match="more"):
+        load_codetalker(TINY, *files)
+
+
+def test_swapped_files(files):
+    with pytest.raises(SwappedCheckpointsError, match="Exchange --stage1 and --stage2"):
+        load_codetalker(TINY, files[1], files[0])
+    with pytest.raises(CheckpointError, match="is a stage-1 file"):
+        load_codetalker(TINY, files[0], files[0])
+    with pytest.raises(CheckpointError, match="is a stage-2 file"):
+        load_codetalker(TINY, files[1], files[1])
+
+
+def test_files_of_another_system(files):
+    edit(files[0], lambda s: {**s, "decoder.vertice_map_reverse.weight": torch.zeros(15069, 32)})
+    with pytest.raises(CheckpointError, match="fits --system codetalker-vocaset"):
+        load_codetalker(TINY, *files)
+
+
+class Malice:
+    def __reduce__(self):
+        return print, ("code from a checkpoint ran",)
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"PK\3\4broken", pickle.dumps(Malice())])
+def test_not_a_checkpoint(tmp_path, capsys, content):
+    file = tmp_path / "stage1.pth.tar"
+    file.write_bytes(content)
+    with pytest.raises(CheckpointError, match="is not a PyTorch checkpoint"):
+        read_state(file)
+    assert "ran" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("content", [[1], {}, {"state_dict": {}}, {"state_dict": {"a": 1}}])
+def test_checkpoints_without_tensors(tmp_path, content):
+    file = tmp_path / "stage1.pth.tar"
+    torch.save(content, file)
+    with pytest.raises(CheckpointError):
+        read_state(file)
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(CheckpointNotFoundError):
+        read_state(tmp_path / "none")
+
+
+def test_random_weights_follow_the_seed_and_leave_torch_alone(net):
+    before = torch.random.get_rng_state()
+    assert_same(net, random_codetalker(TINY, seed=1))
+    assert not torch.equal(random_codetalker(TINY, seed=2).feat_map.weight, net.feat_map.weight)
+    assert torch.equal(torch.random.get_rng_state(), before)
+
+
+def test_alibi_slopes():
+    assert alibi_slopes(4) == [2**-2, 2**-4, 2**-6, 2**-8]
+    assert alibi_slopes(3) == [2**-4, 2**-8, 2**-2]

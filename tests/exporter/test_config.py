@@ -1,0 +1,90 @@
+import json
+
+import pytest
+import yaml
+from conftest import DATA
+
+from facecode_exporter.config import system_from_config, with_wav2vec2
+from facecode_exporter.errors import ConfigError
+from facecode_spec.systems import SYSTEMS
+
+VOCASET = DATA / "codetalker-vocaset-tiny"
+BIWI = DATA / "codetalker-biwi-tiny"
+
+
+def changed(tmp_path, case=VOCASET, **fields):
+    sections = yaml.safe_load((case / "config.yaml").read_text())
+    for section in sections.values():
+        for key in set(section) & set(fields):
+            section[key] = fields[key]
+            if fields[key] is None:
+                del section[key]
+    file = tmp_path / "config.yaml"
+    file.write_text(yaml.safe_dump(sections))
+    return file
+
+
+def test_the_two_forms():
+    vocaset = system_from_config(VOCASET / "config.yaml", VOCASET / "wav2vec2.json")
+    assert (vocaset.n_vertices, vocaset.fps, vocaset.styles[:2]) == (120, 30, ("s0", "s1"))
+    assert vocaset.parts[0].cross_modal_decoder.dim_feedforward == 192
+    assert vocaset.speech_encoder.architecture["num_hidden_layers"] == 1
+    biwi = system_from_config(BIWI / "config.yaml")
+    assert biwi.speech_encoder.frame_grid == "pairs"
+    assert biwi.parts[0].motion_decoder.input_projection
+    assert not biwi.parts[0].motion_decoder.output_bias
+    assert biwi.speech_encoder.architecture == {}
+
+
+def test_affine_norm(tmp_path):
+    system = system_from_config(changed(tmp_path, INaffine=True))
+    assert system.parts[0].motion_decoder.norm_affine
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"quant_factor": 1}, "quant_factor is 1; only 0 is supported"),
+        ({"dataset": "meshtalk"}, "expected one of vocaset, BIWI"),
+        ({"n_embed": None}, "n_embed is missing"),
+        ({"period": "x"}, "period is 'x'; expected a number"),
+        ({"num_layers": 2.5}, "expected a whole number"),
+        ({"in_dim": 361}, "same multiple of 3"),
+        ({"zquant_dim": 17}, "8 codes of 17 numbers make 136"),
+        ({"n_head": 5}, "does not divide into 5 heads"),
+    ],
+)
+def test_mistakes(tmp_path, fields, message):
+    with pytest.raises(ConfigError, match=message):
+        system_from_config(changed(tmp_path, **fields))
+
+
+@pytest.mark.parametrize("text", ["", "[1]", "a: b: c", "DATA: 1", "\0"])
+def test_not_a_configuration(tmp_path, text):
+    file = tmp_path / "config.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError):
+        system_from_config(file)
+    with pytest.raises(ConfigError):
+        system_from_config(tmp_path / "none.yaml")
+
+
+def test_wav2vec2_config_keeps_what_differs(tmp_path):
+    file = tmp_path / "config.json"
+    file.write_text(
+        json.dumps({
+            "model_type": "wav2vec2", "architectures": ["Wav2Vec2Model"], "hidden_size": 768,
+            "num_hidden_layers": 4, "transformers_version": "4.6.1", "gradient_checkpointing": True,
+        })
+    )  # fmt: skip
+    system = with_wav2vec2(SYSTEMS["codetalker-biwi"], file)
+    assert system.speech_encoder.architecture == {"num_hidden_layers": 4}
+    assert system.speech_encoder.min_samples == 720
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"model_type": "hubert"}', '{"conv_stride": [5]}'])
+def test_other_json(tmp_path, text):
+    file = tmp_path / "config.json"
+    file.write_text(text)
+    with pytest.raises(ConfigError):
+        with_wav2vec2(SYSTEMS["codetalker-biwi"], file)

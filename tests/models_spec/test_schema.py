@@ -1,0 +1,83 @@
+import dataclasses
+import json
+
+import pytest
+from conftest import TINY
+
+from facecode_spec.manifest import Manifest, NewerFormatError
+from facecode_spec.schema import PartSpec, SpecError, SystemSpec, from_plain, to_plain
+from facecode_spec.systems import SYSTEMS
+
+MANIFEST = (TINY / "manifest.json").read_text()
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_systems_survive_json(name):
+    spec = SYSTEMS[name]
+    assert from_plain(SystemSpec, json.loads(json.dumps(to_plain(spec)))) == spec
+    assert name == spec.name
+
+
+def test_published_sizes():
+    vocaset, biwi = SYSTEMS["codetalker-vocaset"], SYSTEMS["codetalker-biwi"]
+    assert (vocaset.n_vertices, vocaset.fps, len(vocaset.styles)) == (5023, 30, 8)
+    assert (biwi.n_vertices, biwi.fps, len(biwi.styles)) == (23370, 25, 6)
+    assert biwi.speech_encoder.memory_rows_per_frame == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"colour": 1}, "unknown key colour"),
+        ({"fps": "30"}, "fps: expected float"),
+        ({"n_vertices": True}, "n_vertices: expected int"),
+        ({"parts": []}, "has no part"),
+        ({"styles": ["a", "a"]}, "different names"),
+    ],
+)
+def test_strict_reading(change, message):
+    plain = {**to_plain(SYSTEMS["codetalker-tiny"]), **change}
+    with pytest.raises(SpecError, match=message):
+        from_plain(SystemSpec, plain)
+
+
+def test_missing_key_and_nested_path():
+    plain = to_plain(SYSTEMS["codetalker-tiny"])
+    del plain["parts"][0]["codebook"]["dim"]
+    with pytest.raises(SpecError, match=r"parts\[0\].codebook: missing key dim"):
+        from_plain(SystemSpec, plain)
+
+
+def test_inconsistent_widths_are_refused():
+    part = SYSTEMS["codetalker-tiny"].parts[0]
+    with pytest.raises(SpecError, match="4 codes of 9 numbers make 36"):
+        dataclasses.replace(part, codebook=dataclasses.replace(part.codebook, dim=9))
+    with pytest.raises(SpecError, match="does not divide into 5 heads"):
+        PartSpec(
+            "face",
+            part.codebook,
+            dataclasses.replace(part.cross_modal_decoder, n_heads=5),
+            part.motion_decoder,
+        )
+
+
+def test_manifest_survives_json():
+    manifest = Manifest.from_json(MANIFEST)
+    assert Manifest.from_json(manifest.to_json()) == manifest
+    assert manifest.to_json() == MANIFEST
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("", SpecError),
+        ("[]", SpecError),
+        ("{}", SpecError),
+        ('{"format_version": true}', SpecError),
+        ('{"format_version": 2}', NewerFormatError),
+        (MANIFEST.replace('"precision"', '"precisoin"'), SpecError),
+    ],
+)
+def test_bad_manifests(text, error):
+    with pytest.raises(error):
+        Manifest.from_json(text)
