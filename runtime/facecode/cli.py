@@ -15,8 +15,8 @@ from facecode import writers
 from facecode.animator import MODES, Animator, window_frames
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.console import guarded
-from facecode.errors import OutputFolderError
 from facecode.styles import parse_style
+from facecode.writers.atomic import check_folder, writing
 
 PROGRAM = "facecode"
 STANDARD_STREAM = "-"
@@ -104,8 +104,8 @@ def run_bench(args: argparse.Namespace) -> None:
 
     window = window_frames(args.mode, args.window)
     report_file = None if args.json in (None, STANDARD_STREAM) else Path(args.json)
-    if report_file is not None and not report_file.parent.is_dir():
-        raise OutputFolderError(f"the folder {report_file.parent} does not exist; create it first")
+    if report_file is not None:
+        check_folder(report_file)
     start = time.perf_counter()
     animator: Animator = facecode.load(args.bundle, threads=args.threads)
     report = benchmark(animator, time.perf_counter() - start, args.seconds, window)
@@ -115,7 +115,8 @@ def run_bench(args: argparse.Namespace) -> None:
         return
     print(table(report))
     if report_file is not None:
-        report_file.write_text(numbers + "\n")
+        with writing(report_file) as file:
+            file.write(f"{numbers}\n".encode())
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,11 +1,12 @@
 """What every command line of facecode shares: exit codes and one clear line for what went wrong.
 
-0 done; 2 the caller's mistake; 1 a defect; 130 interrupted.
+0 done; 2 the caller's mistake; 1 a defect; 130 interrupted; 143 terminated.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import traceback
 import warnings
@@ -13,11 +14,13 @@ from collections.abc import Callable
 
 from facecode.errors import FacecodeError
 
-DONE, DEFECT, MISTAKE, INTERRUPTED = 0, 1, 2, 130
+DONE, DEFECT, MISTAKE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
 
 
 def guarded(program: str, command: Callable[[], int | None], debug: bool) -> int:
     """Run `command` and turn exceptions into an exit code and a line on stderr."""
+    # As after Ctrl-C, the blocks that remove temporary files must run.
+    previous = signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     try:
         with warnings.catch_warnings():
             if not debug:
@@ -35,6 +38,8 @@ def guarded(program: str, command: Callable[[], int | None], debug: bool) -> int
         code, line = _verdict(error)
         print(f"{program}: {line}", file=sys.stderr)
         return code
+    finally:
+        signal.signal(signal.SIGTERM, previous)
 
 
 def _verdict(error: BaseException) -> tuple[int, str]:

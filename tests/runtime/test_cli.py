@@ -1,6 +1,7 @@
 """The command line in another process: results, streams, exit codes, and mistakes."""
 
 import json
+import os
 import resource
 import signal
 import subprocess
@@ -157,14 +158,31 @@ def test_interrupted_writer_leaves_nothing(tiny, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_terminated_writer_leaves_nothing(monkeypatch, tmp_path):
+    def terminated(_animation, file):
+        file.write(b"half")
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5)
+
+    monkeypatch.setitem(writers.WRITERS, ".npz", terminated)
+    out = str(tmp_path / "talk.npz")
+    with pytest.raises(SystemExit) as ended:
+        main(["animate", str(SPEECH), "--bundle", str(TINY), "-o", out, "--quiet"])
+    assert ended.value.code == 143
+    assert not list(tmp_path.iterdir())
+
+
 def test_save_into_a_folder_name(tiny, tmp_path):
     (tmp_path / "talk.npz").mkdir()
     with pytest.raises(OutputWriteError, match="is a folder"):
         tiny.animate(SPEECH).save(tmp_path / "talk.npz")
 
 
-def test_interrupt(tmp_path):
-    """Ctrl-C during a long clip: exit 130, one line, no file."""
+@pytest.mark.parametrize(
+    ("number", "code", "said"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "")]
+)
+def test_interrupt(tmp_path, number, code, said):
+    """Ctrl-C, or a request to end, during a long clip: one line at most, and no file."""
     long = tmp_path / "long.wav"
     samples, rate = soundfile.read(SPEECH, dtype="float32")
     soundfile.write(long, np.resize(samples, 120 * rate), rate)
@@ -177,9 +195,9 @@ def test_interrupt(tmp_path):
     )
     while "frame/s" not in process.stderr.readline(200):  # the loop has begun
         assert process.poll() is None
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     rest = process.communicate(timeout=60)[1]
-    assert process.returncode == 130
-    assert "interrupted" in rest
+    assert process.returncode == code
+    assert said in rest
     assert "Traceback" not in rest
     assert [f.name for f in tmp_path.iterdir()] == ["long.wav"]

@@ -1,19 +1,13 @@
-"""One output format a file; the suffix of the output picks the writer.
-
-Every writer fills a temporary file beside the output that is renamed when it is complete, so that
-a full disk or an interrupt leaves nothing half-written.
-"""
+"""One output format a file; the suffix of the output picks the writer."""
 
 from __future__ import annotations
 
-import contextlib
-import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
-from facecode.errors import OutputFolderError, OutputSuffixError, OutputWriteError
+from facecode.errors import OutputSuffixError
+from facecode.writers.atomic import check_folder, writing
 from facecode.writers.npz import write_npz
 
 if TYPE_CHECKING:
@@ -36,10 +30,7 @@ def check_output(path: Path) -> None:
             f"cannot write {path.name!r}: the suffix is {path.suffix!r}; expected one of "
             f"{', '.join(WRITERS)}"
         )
-    if not path.parent.is_dir():
-        raise OutputFolderError(f"the folder {path.parent} does not exist; create it first")
-    if path.is_dir():
-        raise OutputWriteError(f"{path} is a folder; name a file")
+    check_folder(path)
 
 
 def save(animation: Animation, path: Path) -> None:
@@ -49,23 +40,5 @@ def save(animation: Animation, path: Path) -> None:
         OutputSuffixError, OutputFolderError, OutputWriteError.
     """
     check_output(path)
-    writer = WRITERS[path.suffix.lower()]
-    temporary = None
-    try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            writer(animation, file)
-        os.chmod(temporary, 0o666 & ~_umask())  # noqa: PTH101  # mkstemp makes private files
-        os.replace(temporary, path)  # noqa: PTH105
-    except OSError as error:
-        raise OutputWriteError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        if temporary is not None:
-            with contextlib.suppress(FileNotFoundError):
-                os.unlink(temporary)  # noqa: PTH108
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    with writing(path) as file:
+        WRITERS[path.suffix.lower()](animation, file)

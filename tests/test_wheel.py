@@ -1,0 +1,90 @@
+"""What users install: the wheel without extras, in an environment without torch."""
+
+import json
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import SPEECH, TINY
+
+ROOT = Path(__file__).parents[1]
+ABSENT = {"torch", "onnx", "onnxscript", "transformers"}
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    out = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(out), str(ROOT)]
+    subprocess.run(command, check=True)
+    return next(out.glob("facecode-*.whl"))
+
+
+@pytest.fixture(scope="module")
+def fresh(wheel, tmp_path_factory):
+    """The bin folder of a new environment that holds the wheel and its dependencies."""
+    folder = tmp_path_factory.mktemp("fresh")
+    venv.create(folder, with_pip=True)
+    subprocess.run([folder / "bin" / "pip", "install", "-q", wheel], check=True)
+    return folder / "bin"
+
+
+def test_wheel_holds_the_three_packages_and_nothing_else(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    tops = {name.partition("/")[0] for name in names}
+    assert tops == {
+        "facecode", "facecode_exporter", "facecode_spec", f"facecode-{version(wheel)}.dist-info"
+    }  # fmt: skip
+    for name in ("facecode/py.typed", "facecode/assets/speech.flac", "facecode_spec/py.typed"):
+        assert name in names
+
+
+def version(wheel):
+    return wheel.name.split("-")[1]
+
+
+def test_torch_is_absent(fresh):
+    listed = subprocess.run(
+        [fresh / "pip", "list", "--format", "json"], capture_output=True, check=True
+    )
+    installed = {package["name"].lower() for package in json.loads(listed.stdout)}
+    assert {"facecode", "onnxruntime", "numpy"} <= installed
+    assert not installed & ABSENT
+
+
+def test_animate_speech(fresh, tmp_path, tiny):
+    subprocess.run(
+        [fresh / "facecode", "animate", SPEECH, "--bundle", TINY, "-o", "talk.npz", "--quiet"],
+        cwd=tmp_path,
+        check=True,
+    )
+    with np.load(tmp_path / "talk.npz") as talk:
+        np.testing.assert_array_equal(talk["codes"], tiny.animate(SPEECH).codes)
+
+
+def test_exporter_names_the_missing_extra(fresh, tmp_path):
+    done = subprocess.run(
+        [fresh / "facecode-export", "init", "--system", "codetalker-tiny", "--out", "x"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2
+    assert "pip install 'facecode[export]'" in done.stderr
+
+
+def test_start_up(fresh, tmp_path):
+    """`import facecode` takes 0.2 s on two idle cores (bar 0.4), a short clip 0.5 s (bar 2)."""
+    python = fresh / "python"
+    program = (
+        "import time; s = time.perf_counter(); import facecode; print(time.perf_counter() - s)"
+    )
+
+    def import_s():
+        done = subprocess.run([python, "-c", program], capture_output=True, check=True)
+        return float(done.stdout)
+
+    assert min(import_s() for _ in range(4)) < 0.4
