@@ -13,7 +13,7 @@ from torch import nn
 from tqdm import tqdm
 
 from facecode.animator import Animator
-from facecode.arrays import AnyArray, Faces
+from facecode.arrays import AnyArray, Colours, Faces
 from facecode.audio import load_audio
 from facecode.bench import SPEECH
 from facecode.bundle import Bundle
@@ -54,15 +54,20 @@ LICENCE = (
     "The weights keep the licence of the checkpoints named under 'sources'. Models trained on "
     "VOCASET or BIWI are for non-commercial research, as those data sets are."
 )
-CODEBOOK, TEMPLATE, FACES = "codebook.npy", "template.npy", "faces.npy"
+CODEBOOK, TEMPLATE = "codebook.npy", "template.npy"
+FACES, COLOURS = "faces.npy", "colours.npy"
 
 
 @dataclass(frozen=True)
 class Neutral:
-    """The neutral face that goes into a bundle: vertices (V, 3), faces (F, 3) where known."""
+    """The neutral face that goes into a bundle; faces and colours where they are known."""
 
     vertices: AnyArray
-    faces: Faces | None
+    """(V, 3)"""
+    faces: Faces | None = None
+    """(F, 3) int32"""
+    colours: Colours | None = None
+    """(V, 3) uint8 RGB"""
     given: bool = True
 
 
@@ -73,7 +78,7 @@ def read_neutral(template: Path | None, n_vertices: int) -> Neutral:
         TemplateError
     """
     if template is None:
-        return Neutral(np.zeros((n_vertices, 3), np.float32), None, given=False)
+        return Neutral(np.zeros((n_vertices, 3), np.float32), given=False)
     vertices, faces = read_mesh(template)
     return Neutral(load_template(vertices, n_vertices), faces)
 
@@ -168,6 +173,8 @@ def _write_arrays(net: CodeTalker, folder: Path, neutral: Neutral) -> None:
     np.save(folder / TEMPLATE, neutral.vertices.astype(np.float32))
     if neutral.faces is not None:
         np.save(folder / FACES, neutral.faces)
+    if neutral.colours is not None:
+        np.save(folder / COLOURS, neutral.colours)
 
 
 def _write_manifest(folder: Path, manifest: Manifest) -> None:
@@ -198,6 +205,7 @@ def _manifest(
         template=TEMPLATE,
         has_template=neutral.given,
         faces=None if neutral.faces is None else FACES,
+        colours=None if neutral.colours is None else COLOURS,
         topology=None if neutral.faces is None else topology(neutral.faces),
         speech_encoder=graph(speech_encoder(system)),
         parts=(

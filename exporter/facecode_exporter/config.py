@@ -22,8 +22,10 @@ from facecode_spec.schema import (
 )
 from facecode_spec.systems import codetalker_biwi, codetalker_vocaset
 
-# The two forms of the public code; `DATA.dataset` names the one that a configuration is for.
+# The public code has two frame grids, named by DATA.dataset, and two VQ autoencoders, named by
+# NETWORK.autoencoder; as published they go together.
 FORMS = {"vocaset": codetalker_vocaset.SPEC, "BIWI": codetalker_biwi.SPEC}
+AUTOENCODERS = {f"stage1_{dataset}": system.parts[0] for dataset, system in FORMS.items()}
 # Fields of a Hugging Face file that say where it came from, not what the network is.
 PROVENANCE = {"_name_or_path", "architectures", "dtype", "torch_dtype", "transformers_version"}
 
@@ -47,7 +49,7 @@ def system_from_config(config: Path, wav2vec2_config: Path | None = None) -> Sys
             "with quant_factor 0"
         )
     try:
-        part = _part(fields, form.parts[0], config)
+        part = _part(fields, _autoencoder_form(fields, form, config), config)
         system = dataclasses.replace(
             form,
             n_vertices=_vertices(fields, config),
@@ -84,6 +86,17 @@ def with_wav2vec2(system: SystemSpec, config: Path) -> SystemSpec:
         raise ConfigError(f"{config}: {error}") from error
     encoder = dataclasses.replace(encoder, min_samples=min_samples)
     return dataclasses.replace(system, speech_encoder=encoder)
+
+
+def _autoencoder_form(fields: Mapping[str, Any], form: SystemSpec, config: Path) -> PartSpec:
+    name = fields.get("autoencoder")
+    if name is None:
+        return form.parts[0]
+    if name not in AUTOENCODERS:
+        raise ConfigError(
+            f"{config}: autoencoder is {name!r}; expected one of {', '.join(AUTOENCODERS)}"
+        )
+    return AUTOENCODERS[name]
 
 
 def _part(fields: Mapping[str, Any], form: PartSpec, config: Path) -> PartSpec:

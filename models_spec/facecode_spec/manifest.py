@@ -117,6 +117,8 @@ class Manifest:
     precision: str
     template: str
     faces: str | None
+    colours: str | None
+    """uint8 (V, 3) RGB per vertex, where the face has colours."""
     topology: str | None
     """SHA-256 of the little-endian int32 (F, 3) face indices: equal for equal meshes."""
     speech_encoder: GraphEntry

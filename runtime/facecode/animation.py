@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from facecode import writers
-from facecode.arrays import Codes, Faces, Offsets, Template
+from facecode.arrays import Audio, Codes, Colours, Faces, Offsets, Template
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +23,11 @@ class Animation:
     """(V, 3) float32, the neutral face."""
     faces: Faces | None = None
     """(F, 3) int32 triangles, where the bundle knows its topology."""
+    colours: Colours | None = None
+    """(V, 3) uint8 RGB, where the bundle has colours."""
+    audio: Audio | None = None
+    """The speech, (n_samples,) float32 mono at `sample_rate`, for writers with sound."""
+    sample_rate: int | None = None
 
     @property
     def vertices(self) -> Offsets:

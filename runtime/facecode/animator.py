@@ -128,7 +128,16 @@ class Animator:
         memory = self.encode(waveform)
         codes = np.concatenate(list(self.generate(memory, weights, n_window, progress)), axis=1)
         offsets = self.decode(codes)
-        return Animation(offsets[0], codes[0], self.manifest.fps, neutral, self.bundle.faces)
+        return Animation(
+            offsets[0],
+            codes[0],
+            self.manifest.fps,
+            neutral,
+            self.bundle.faces,
+            self.bundle.colours,
+            waveform,
+            self.manifest.sample_rate,
+        )
 
     def encode(self, waveform: Audio) -> Memory:
         """Waveform (n_samples,) at the bundle's rate to the memory of its T frames.

@@ -7,6 +7,7 @@ Features   (B, H, C) float32, what the decoder step gives for one frame
 Offsets    (T, V, 3) float32, in the unit of the bundle
 Template   (V, 3) float32
 Faces      (F, 3) int32, vertex indices
+Colours    (V, 3) uint8, RGB
 """
 
 from __future__ import annotations
@@ -24,4 +25,5 @@ Features: TypeAlias = Float32
 Offsets: TypeAlias = Float32
 Template: TypeAlias = Float32
 Faces: TypeAlias = NDArray[np.int32]
+Colours: TypeAlias = NDArray[np.uint8]
 AnyArray: TypeAlias = NDArray[Any]

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from facecode.arrays import AnyArray, Faces, Template
+from facecode.arrays import AnyArray, Colours, Faces, Template
 from facecode.errors import (
     AlteredFileError,
     BundleNotFoundError,
@@ -43,6 +43,7 @@ class Bundle:
     manifest: Manifest
     template: Template
     faces: Faces | None
+    colours: Colours | None
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Bundle:
@@ -61,10 +62,9 @@ class Bundle:
         for graph in graph_entries(manifest):
             _refuse_external_data(root, graph, manifest)
         template = load_array(root, manifest.template, (manifest.n_vertices, 3), np.float32)
-        faces = (
-            None if manifest.faces is None else load_array(root, manifest.faces, (-1, 3), np.int32)
-        )
-        return cls(root, manifest, template, faces)
+        faces = _optional_array(root, manifest.faces, (-1, 3), np.int32)
+        colours = _optional_array(root, manifest.colours, (manifest.n_vertices, 3), np.uint8)
+        return cls(root, manifest, template, faces, colours)
 
     def path(self, name: str) -> Path:
         """Where the file `name` of the manifest lies."""
@@ -142,6 +142,12 @@ def load_array(root: Path, name: str, shape: tuple[int, ...], dtype: type[np.gen
     return array
 
 
+def _optional_array(
+    root: Path, name: str | None, shape: tuple[int, ...], dtype: type[np.generic]
+) -> AnyArray | None:
+    return None if name is None else load_array(root, name, shape, dtype)
+
+
 def _verify(file: Path, name: str, size: int, sha256: str) -> None:
     if not file.is_file():
         raise MissingFileError(f"{name} is missing from the bundle; copy or export it again")
@@ -162,7 +168,7 @@ def _verify(file: Path, name: str, size: int, sha256: str) -> None:
 
 def _refuse_unlisted(manifest: Manifest) -> None:
     used = {g.path for g in graph_entries(manifest)} | {p.codebook for p in manifest.parts}
-    used |= {manifest.template} | ({manifest.faces} if manifest.faces else set())
+    used |= {f for f in (manifest.template, manifest.faces, manifest.colours) if f is not None}
     if unlisted := sorted(used - set(manifest.files)):
         raise ManifestError(f"the manifest uses {', '.join(unlisted)} but lists no size and hash")
 

@@ -36,6 +36,12 @@ def test_the_two_forms():
     assert biwi.speech_encoder.architecture == {}
 
 
+def test_the_autoencoder_may_be_that_of_the_other_form(tmp_path):
+    system = system_from_config(changed(tmp_path, autoencoder="stage1_BIWI"))
+    assert system.parts[0].motion_decoder.input_projection
+    assert system.speech_encoder.frame_grid == "interpolate"
+
+
 def test_affine_norm(tmp_path):
     system = system_from_config(changed(tmp_path, INaffine=True))
     assert system.parts[0].motion_decoder.norm_affine
@@ -46,6 +52,7 @@ def test_affine_norm(tmp_path):
     [
         ({"quant_factor": 1}, "quant_factor is 1; only 0 is supported"),
         ({"dataset": "meshtalk"}, "expected one of vocaset, BIWI"),
+        ({"autoencoder": "stage1_mine"}, "expected one of stage1_vocaset, stage1_BIWI"),
         ({"n_embed": None}, "n_embed is missing"),
         ({"period": "x"}, "period is 'x'; expected a number"),
         ({"num_layers": 2.5}, "expected a whole number"),
