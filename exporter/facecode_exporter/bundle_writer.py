@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from torch import nn
 from tqdm import tqdm
 
 from facecode.animator import Animator
-from facecode.arrays import AnyArray, Colours, Faces
+from facecode.arrays import AnyArray, Colours, Faces, Indices
 from facecode.audio import load_audio
 from facecode.bench import SPEECH
 from facecode.bundle import Bundle
@@ -68,6 +68,11 @@ class Neutral:
     """(F, 3) int32"""
     colours: Colours | None = None
     """(V, 3) uint8 RGB"""
+    regions: Mapping[str, Indices] = field(default_factory=dict)
+    """vertex indices (n,) int32"""
+    lip_pair: tuple[int, int] | None = None
+    identities: Mapping[str, AnyArray] = field(default_factory=dict)
+    """further templates (V, 3)"""
     given: bool = True
 
 
@@ -175,6 +180,18 @@ def _write_arrays(net: CodeTalker, folder: Path, neutral: Neutral) -> None:
         np.save(folder / FACES, neutral.faces)
     if neutral.colours is not None:
         np.save(folder / COLOURS, neutral.colours)
+    for name, indices in neutral.regions.items():
+        np.save(folder / _region_file(name), indices.astype(np.int32))
+    for name, vertices in neutral.identities.items():
+        np.save(folder / _identity_file(name), vertices.astype(np.float32))
+
+
+def _region_file(name: str) -> str:
+    return f"region-{name}.npy"
+
+
+def _identity_file(name: str) -> str:
+    return f"identity-{name}.npy"
 
 
 def _write_manifest(folder: Path, manifest: Manifest) -> None:
@@ -206,6 +223,9 @@ def _manifest(
         has_template=neutral.given,
         faces=None if neutral.faces is None else FACES,
         colours=None if neutral.colours is None else COLOURS,
+        regions={name: _region_file(name) for name in neutral.regions},
+        lip_pair=neutral.lip_pair,
+        identities={name: _identity_file(name) for name in neutral.identities},
         topology=None if neutral.faces is None else topology(neutral.faces),
         speech_encoder=graph(speech_encoder(system)),
         parts=(

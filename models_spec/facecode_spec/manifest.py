@@ -119,6 +119,12 @@ class Manifest:
     faces: str | None
     colours: str | None
     """uint8 (V, 3) RGB per vertex, where the face has colours."""
+    regions: Mapping[str, str]
+    """int32 (n,) vertex indices by region name: `lips`, `upper_face`."""
+    lip_pair: tuple[int, ...] | None
+    """Upper and lower inner-lip vertex; their distance is the mouth opening."""
+    identities: Mapping[str, str]
+    """Further float32 (V, 3) templates by name."""
     topology: str | None
     """SHA-256 of the little-endian int32 (F, 3) face indices: equal for equal meshes."""
     speech_encoder: GraphEntry

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from facecode.animation import Animation
-from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets, Vectors
+from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets, Template, Vectors
 from facecode.audio import AudioSource, load_audio, normalise, require_one_frame
 from facecode.buffers import GrowingBuffer, KeyValueCache
 from facecode.bundle import PACKAGED_BUNDLE, Bundle, load_array
@@ -110,7 +110,8 @@ class Animator:
             mode: `exact` gives the trained system's codes; `window` costs the same at every
                 frame.
             window: frames that `window` decodes, 1 or more.
-            template: another neutral face of the same topology: .npy, .ply, .obj or (V, 3).
+            template: another neutral face of the same topology: the name of one of the bundle's
+                identities, or .npy, .ply, .obj or (V, 3).
             sample_rate: of an audio array; the bundle's rate by default.
             progress: show a bar on stderr.
 
@@ -119,11 +120,7 @@ class Animator:
         """
         n_window = window_frames(mode, window)
         weights = style_weights(style, self.styles)
-        neutral = (
-            self.bundle.template
-            if template is None
-            else load_template(template, self.manifest.n_vertices)
-        )
+        neutral = self._neutral(template)
         waveform = load_audio(audio, self.manifest.sample_rate, sample_rate)
         memory = self.encode(waveform)
         codes = np.concatenate(list(self.generate(memory, weights, n_window, progress)), axis=1)
@@ -138,6 +135,13 @@ class Animator:
             waveform,
             self.manifest.sample_rate,
         )
+
+    def _neutral(self, template: TemplateSource | None) -> Template:
+        if template is None:
+            return self.bundle.template
+        if isinstance(template, str) and template in self.manifest.identities:
+            return self.bundle.identity(template)
+        return load_template(template, self.manifest.n_vertices)
 
     def encode(self, waveform: Audio) -> Memory:
         """Waveform (n_samples,) at the bundle's rate to the memory of its T frames.

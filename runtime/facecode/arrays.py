@@ -8,6 +8,7 @@ Offsets    (T, V, 3) float32, in the unit of the bundle
 Template   (V, 3) float32
 Faces      (F, 3) int32, vertex indices
 Colours    (V, 3) uint8, RGB
+Indices    (n,) int32, vertex indices
 """
 
 from __future__ import annotations
@@ -25,5 +26,6 @@ Features: TypeAlias = Float32
 Offsets: TypeAlias = Float32
 Template: TypeAlias = Float32
 Faces: TypeAlias = NDArray[np.int32]
+Indices: TypeAlias = NDArray[np.int32]
 Colours: TypeAlias = NDArray[np.uint8]
 AnyArray: TypeAlias = NDArray[Any]

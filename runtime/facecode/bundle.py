@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from facecode.arrays import AnyArray, Colours, Faces, Template
+from facecode.arrays import AnyArray, Colours, Faces, Indices, Template
 from facecode.errors import (
     AlteredFileError,
     BundleNotFoundError,
@@ -65,6 +65,23 @@ class Bundle:
         faces = _optional_array(root, manifest.faces, (-1, 3), np.int32)
         colours = _optional_array(root, manifest.colours, (manifest.n_vertices, 3), np.uint8)
         return cls(root, manifest, template, faces, colours)
+
+    def region(self, name: str) -> Indices:
+        """Vertex indices (n,) of a region that the manifest names.
+
+        Raises:
+            ManifestError
+        """
+        return load_array(self.root, self.manifest.regions[name], (-1,), np.int32)
+
+    def identity(self, name: str) -> Template:
+        """The neutral face (V, 3) of an identity that the manifest names.
+
+        Raises:
+            ManifestError
+        """
+        file = self.manifest.identities[name]
+        return load_array(self.root, file, (self.manifest.n_vertices, 3), np.float32)
 
     def path(self, name: str) -> Path:
         """Where the file `name` of the manifest lies."""
@@ -169,6 +186,7 @@ def _verify(file: Path, name: str, size: int, sha256: str) -> None:
 def _refuse_unlisted(manifest: Manifest) -> None:
     used = {g.path for g in graph_entries(manifest)} | {p.codebook for p in manifest.parts}
     used |= {f for f in (manifest.template, manifest.faces, manifest.colours) if f is not None}
+    used |= {*manifest.regions.values(), *manifest.identities.values()}
     if unlisted := sorted(used - set(manifest.files)):
         raise ManifestError(f"the manifest uses {', '.join(unlisted)} but lists no size and hash")
 

@@ -35,7 +35,9 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     animate.add_argument("-o", "--output", required=True, help=f"{_suffixes()}, or - (npz)")
     animate.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
     animate.add_argument("--style", type=str, help="a name, or a mix such as a:0.3,b:0.7")
-    animate.add_argument("--template", type=Path, metavar="MESH", help=".npy (V, 3), .ply or .obj")
+    animate.add_argument(
+        "--template", metavar="MESH", help="an identity of the bundle, or .npy (V, 3), .ply, .obj"
+    )
     _add_mode(animate)
     _add_threads(animate)
     animate.add_argument("--quiet", action="store_true", help="no progress, no summary")
