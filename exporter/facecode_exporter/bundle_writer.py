@@ -23,7 +23,7 @@ from facecode_exporter import parity
 from facecode_exporter.checkpoints import file_sha256
 from facecode_exporter.graphs import export_graph
 from facecode_exporter.nets.codetalker import CodeTalker
-from facecode_exporter.nets.wav2vec2 import samples_for
+from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.output_folder import replacing
 from facecode_exporter.views import (
     DecoderStepView,

@@ -97,9 +97,10 @@ def save_codetalker(net: CodeTalker, stage1: Path, stage2: Path) -> None:
     for side in ("encoder", "decoder"):
         first[f"{side}.{side}_pos_embedding.pe"] = sinusoid(5000, hidden)[:, None]
     second = {k: v.clone() for k, v in net.state_dict().items() if not k.startswith("autoencoder.")}
-    weight = second.pop(f"{CONV}.weight")
-    second[f"{CONV}.weight_g"] = _norm_over_channels(weight)
-    second[f"{CONV}.weight_v"] = weight
+    if f"{CONV}.weight" in second:
+        weight = second.pop(f"{CONV}.weight")
+        second[f"{CONV}.weight_g"] = _norm_over_channels(weight)
+        second[f"{CONV}.weight_v"] = weight
     period = net.part.cross_modal_decoder.period
     second["PPE.pe"] = net.position_code.repeat(600 // period + 1, 1)[None]
     for path, state in ((stage1, first), (stage2, second)):
