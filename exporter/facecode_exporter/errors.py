@@ -6,6 +6,8 @@ FacecodeError
     SwappedCheckpointsError              stage 1 given as stage 2 and the reverse
   CheckpointNotFoundError (FileNotFoundError)
   OutputExistsError (FileExistsError)    a folder that is not ours to replace
+  DataError (ValueError)                 a data set that is not in its layout
+  RunError (ValueError)                  a training run that cannot start or go on
   ParityError (ArithmeticError)          the bundle does not compute what the network computes
 """
 
@@ -36,3 +38,11 @@ class ParityError(FacecodeError, ArithmeticError):
     """Runtime and torch disagree beyond the stated tolerance."""
 
     exit_code = 1
+
+
+class DataError(FacecodeError, ValueError):
+    """A training data set does not have the layout or content that its name promises."""
+
+
+class RunError(FacecodeError, ValueError):
+    """A training run cannot start or go on."""
