@@ -7,6 +7,9 @@ FacecodeError
   CheckpointNotFoundError (FileNotFoundError)
   OutputExistsError (FileExistsError)    a folder that is not ours to replace
   ParityError (ArithmeticError)          the bundle does not compute what the network computes
+  CorpusError (ValueError)               a demo corpus, or a part of it, that cannot be used
+    HeadSourceError                      not the pinned wheel that the demo head is made from
+    AlignmentError                       words and recording do not go together
 """
 
 from facecode.errors import FacecodeError
@@ -36,3 +39,15 @@ class ParityError(FacecodeError, ArithmeticError):
     """Runtime and torch disagree beyond the stated tolerance."""
 
     exit_code = 1
+
+
+class CorpusError(FacecodeError, ValueError):
+    """A demo corpus, or something it is made from, cannot be used."""
+
+
+class HeadSourceError(CorpusError):
+    """Not the pinned wheel that the demo head is made from."""
+
+
+class AlignmentError(CorpusError):
+    """The words cannot be placed in the recording."""
