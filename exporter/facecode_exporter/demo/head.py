@@ -39,7 +39,7 @@ class Head:
     regions: Mapping[str, NDArray[np.int64]]
     """vertex indices: `lips`, and `upper_face` = brows, eyes, forehead, upper cheeks"""
     lip_pair: tuple[int, int]
-    """upper and lower inner lip on the midline; their distance is the mouth opening"""
+    """upper and lower inner lip on the midline; their (vertical) distance is the mouth opening"""
 
     @property
     def template(self) -> Template:
@@ -64,17 +64,20 @@ class Head:
         return (weights.astype(np.float32) @ flat).reshape(n_frames, -1, 3)
 
     def opening(self, weights: NDArray[Any]) -> Float32:
-        """(T,) metres between the lips, for (T, 52) weights, without expanding the whole head."""
+        """(T,) metres between the inner lips at the midline, for (T, 52) weights.
+
+        The vertical part of the distance of `lip_pair`: lips that press slide along each other,
+        which lengthens the distance of two vertices though the mouth is shut. Negative where they
+        overlap. Does not expand the head.
+        """
         upper, lower = self.lip_pair
-        apart = self.template[upper] - self.template[lower]
-        return np.asarray(
-            np.linalg.norm(apart + weights.astype(np.float32) @ self._lip_gap, axis=1)
-        )
+        apart = self.template[upper, 1] - self.template[lower, 1]
+        return np.asarray(apart + weights.astype(np.float32) @ self._lip_gap)
 
     @cached_property
     def _lip_gap(self) -> Float32:
         upper, lower = self.lip_pair
-        return self.unit_offsets[:, upper] - self.unit_offsets[:, lower]
+        return self.unit_offsets[:, upper, 1] - self.unit_offsets[:, lower, 1]
 
 
 def save_head(head: Head, path: Path) -> None:
