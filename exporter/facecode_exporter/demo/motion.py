@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
-from facecode.arrays import Audio, Float32
 from numpy.typing import NDArray
 
+from facecode.arrays import Audio, Float32
 from facecode_exporter.demo.mouth import mouth_weights
 from facecode_exporter.demo.phones import SAMPLE_RATE, Phone, require_contiguous
 from facecode_exporter.demo.prosody import frame_windows, loudness, pitch
@@ -28,7 +28,9 @@ def frames_in(n_samples: int) -> int:
     return int(n_samples * FPS // SAMPLE_RATE)
 
 
-def face_weights(audio: Audio, phones: Sequence[Phone], style: Style, seed: int) -> Weights:
+def face_weights(
+    audio: Audio, phones: Sequence[Phone], style: Style, seed: int | Sequence[int]
+) -> Weights:
     """(T, 52) float16 in [0, 1], T = `frames_in(len(audio))`.
 
     Raises:

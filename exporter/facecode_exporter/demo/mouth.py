@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from facecode.arrays import Float32
 
+from facecode.arrays import Float32
 from facecode_exporter.demo.face_units import FACE_UNITS, UNIT, unit_weights
 from facecode_exporter.demo.phones import SILENCE, Phone
 from facecode_exporter.demo.styles import Style
@@ -33,19 +33,27 @@ PLATEAU = 0.3  # share of a phone, either side of its middle, at full dominance
 FULL_SILENCE_S = 0.25  # shorter silences rest less
 CONTACT = 0.25  # share of a phone, either side of its middle, that a contact is held
 CONTACT_RAMP_S = 0.055
-JAW_IN_CONTACT = {True: 0.55, False: 0.35}  # of the jaw that stays open behind closed lips; on teeth
+JAW_IN_CONTACT = {
+    True: 0.55,
+    False: 0.35,
+}  # of the jaw that stays open behind closed lips; on teeth
 WIDEST_JAW_ON_TEETH = 0.05
 # Units that part the lips, and so are off while they touch.
-PARTING = ("mouthFunnel", "mouthRollLower", "mouthLowerDown", "mouthUpperUp", "mouthShrugUpper", "mouthShrugLower")
+PARTING = (
+    "mouthFunnel",
+    "mouthRollLower",
+    "mouthLowerDown",
+    "mouthUpperUp",
+    "mouthShrugUpper",
+    "mouthShrugLower",
+)
 
 _PARTS = {name: np.array([articulator(u) == name for u in FACE_UNITS]) for name in REACH_S}
 _PARTING = unit_weights(**dict.fromkeys(PARTING, 1.0)) > 0
 _SPREADING = unit_weights(mouthStretch=1, mouthSmile=1) > 0
 
 
-def mouth_weights(
-    phones: Sequence[Phone], loudness: Float32, style: Style, fps: float
-) -> Float32:
+def mouth_weights(phones: Sequence[Phone], loudness: Float32, style: Style, fps: float) -> Float32:
     """(T, 52) for phones that cover the T frames of `loudness` (dB, 0 is loud)."""
     times = np.arange(len(loudness)) / fps + style.lead_s
     parts = split_diphthongs(phones)

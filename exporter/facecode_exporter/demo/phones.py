@@ -14,8 +14,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from facecode.arrays import Audio
 
+from facecode.arrays import Audio
 from facecode_exporter.errors import AlignmentError
 
 if TYPE_CHECKING:

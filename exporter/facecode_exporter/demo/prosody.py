@@ -6,8 +6,8 @@ Comes in: 16 kHz mono float32. Goes out: one value a frame of motion. Knows noth
 from __future__ import annotations
 
 import numpy as np
-from facecode.arrays import Audio, Float32
 
+from facecode.arrays import Audio, Float32
 from facecode_exporter.demo.phones import SAMPLE_RATE
 
 WINDOW_S = 0.04

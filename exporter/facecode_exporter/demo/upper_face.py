@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from facecode.arrays import Float32
 
+from facecode.arrays import Float32
 from facecode_exporter.demo.face_units import FACE_UNITS, UNIT, unit_weights
 from facecode_exporter.demo.phones import SILENCE, Phone
 from facecode_exporter.demo.styles import Style
@@ -55,15 +55,15 @@ def upper_face_weights(
     return np.clip(weights, 0, 1).astype(np.float32)
 
 
-def _blinks(
-    phones: Sequence[Phone], style: Style, rng: Generator, times: Float32
-) -> Float32:
+def _blinks(phones: Sequence[Phone], style: Style, rng: Generator, times: Float32) -> Float32:
     """(T,) 0 open to 1 shut: at random, and more often where a pause begins."""
     total_s = len(times) and float(times[-1])
     n_random = rng.poisson(style.blinks_per_s * total_s)
     starts = list(rng.uniform(0, max(total_s, 1e-3), n_random))
     pauses = [p.start_s + 0.05 for p in phones if p.name == SILENCE and p.end_s - p.start_s > 0.25]
-    starts += [start for start in pauses if rng.random() < BLINK_AT_PAUSE * style.blinks_per_s / 0.3]
+    starts += [
+        start for start in pauses if rng.random() < BLINK_AT_PAUSE * style.blinks_per_s / 0.3
+    ]
     shut = np.zeros(len(times))
     last = -np.inf
     for start in sorted(starts):
@@ -94,14 +94,13 @@ def _brow_raises(
             middle = (vowel.start_s + vowel.end_s) / 2
             away = (times - middle) / np.where(times < middle, RAISE_S, 1.5 * RAISE_S)
             bump = height * np.exp(-(away**2))[:, None]
-            weights = np.maximum(weights, bump * inner_and_outer * [tilt if "Right" in u else 1
-                                                                    for u in FACE_UNITS])
+            weights = np.maximum(
+                weights, bump * inner_and_outer * [tilt if "Right" in u else 1 for u in FACE_UNITS]
+            )
     return np.asarray(weights, np.float32)
 
 
-def _stress(
-    vowels: Sequence[Phone], loudness: Float32, pitch: Float32, times: Float32
-) -> Float32:
+def _stress(vowels: Sequence[Phone], loudness: Float32, pitch: Float32, times: Float32) -> Float32:
     """(n_vowels,) in standard deviations: 1 semitone counts like 1 dB."""
     heard = []
     for vowel in vowels:
@@ -127,10 +126,14 @@ def _gaze(style: Style, rng: Generator, times: Float32) -> Float32:
     left, up = (np.interp(times, knots[order], values[:, k]) for k in (0, 1))
     weights = np.zeros((len(times), len(FACE_UNITS)), np.float32)
     for unit, much in (
-        ("eyeLookOutLeft", left), ("eyeLookInRight", left),
-        ("eyeLookInLeft", -left), ("eyeLookOutRight", -left),
-        ("eyeLookUpLeft", up), ("eyeLookUpRight", up),
-        ("eyeLookDownLeft", -up), ("eyeLookDownRight", -up),
+        ("eyeLookOutLeft", left),
+        ("eyeLookInRight", left),
+        ("eyeLookInLeft", -left),
+        ("eyeLookOutRight", -left),
+        ("eyeLookUpLeft", up),
+        ("eyeLookUpRight", up),
+        ("eyeLookDownLeft", -up),
+        ("eyeLookDownRight", -up),
     ):
         weights[:, UNIT[unit]] = np.maximum(much, 0)
     return weights

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from facecode.arrays import Float32
-
 from facecode_exporter.demo.face_units import UNIT, unit_weights
 from facecode_exporter.demo.phones import SILENCE, Phone
 
@@ -48,12 +47,23 @@ VISEMES: Mapping[str, Viseme] = {
     SILENCE: _viseme(0.9, 0.8, 0.6),
     # open to close, spread
     "AA": _viseme(1.4, 0.5, jawOpen=0.42, mouthLowerDown=0.12, mouthUpperUp=0.05),
-    "AE": _viseme(1.4, 0.7, jawOpen=0.36, mouthStretch=0.22, mouthLowerDown=0.22, mouthUpperUp=0.12),
+    "AE": _viseme(
+        1.4, 0.7, jawOpen=0.36, mouthStretch=0.22, mouthLowerDown=0.22, mouthUpperUp=0.12
+    ),
     "AH": _viseme(1.0, 0.3, jawOpen=0.24, mouthLowerDown=0.10),
-    "EH": _viseme(1.3, 0.6, jawOpen=0.30, mouthStretch=0.20, mouthLowerDown=0.18, mouthUpperUp=0.08),
-    "IH": _viseme(1.0, 0.6, jawOpen=0.19, mouthStretch=0.22, mouthLowerDown=0.15, mouthUpperUp=0.06),
+    "EH": _viseme(
+        1.3, 0.6, jawOpen=0.30, mouthStretch=0.20, mouthLowerDown=0.18, mouthUpperUp=0.08
+    ),
+    "IH": _viseme(
+        1.0, 0.6, jawOpen=0.19, mouthStretch=0.22, mouthLowerDown=0.15, mouthUpperUp=0.06
+    ),
     "IY": _viseme(
-        1.1, 1.0, jawOpen=0.13, mouthSmile=0.22, mouthStretch=0.28, mouthLowerDown=0.20,
+        1.1,
+        1.0,
+        jawOpen=0.13,
+        mouthSmile=0.22,
+        mouthStretch=0.28,
+        mouthLowerDown=0.20,
         mouthUpperUp=0.10,
     ),
     # rounded
@@ -84,12 +94,15 @@ VISEMES: Mapping[str, Viseme] = {
     "D": _viseme(0.5, 0.4, 0.9, jawOpen=0.07, mouthLowerDown=0.14, mouthUpperUp=0.08),
     "N": _viseme(0.45, 0.3, 0.9, jawOpen=0.08, mouthLowerDown=0.12, mouthUpperUp=0.06),
     "L": _viseme(0.45, 0.3, 1.1, jawOpen=0.13, tongueOut=0.25, mouthLowerDown=0.12),
-    "S": _viseme(0.9, 0.8, 0.8, jawOpen=0.03, mouthStretch=0.20, mouthLowerDown=0.24,
-                 mouthUpperUp=0.14),
-    "Z": _viseme(0.9, 0.8, 0.8, jawOpen=0.03, mouthStretch=0.18, mouthLowerDown=0.22,
-                 mouthUpperUp=0.14),
-    "SH": _viseme(0.9, 1.3, 0.6, jawOpen=0.05, mouthFunnel=0.46, mouthPucker=0.14,
-                  mouthUpperUp=0.10),
+    "S": _viseme(
+        0.9, 0.8, 0.8, jawOpen=0.03, mouthStretch=0.20, mouthLowerDown=0.24, mouthUpperUp=0.14
+    ),
+    "Z": _viseme(
+        0.9, 0.8, 0.8, jawOpen=0.03, mouthStretch=0.18, mouthLowerDown=0.22, mouthUpperUp=0.14
+    ),
+    "SH": _viseme(
+        0.9, 1.3, 0.6, jawOpen=0.05, mouthFunnel=0.46, mouthPucker=0.14, mouthUpperUp=0.10
+    ),
     "R": _viseme(0.4, 1.0, 0.6, jawOpen=0.09, mouthFunnel=0.24, mouthPucker=0.34),
     "Y": _viseme(0.4, 0.6, 0.3, jawOpen=0.08, mouthStretch=0.22, mouthSmile=0.10),
     # behind the teeth: the lips are free
