@@ -13,7 +13,6 @@ import gzip
 import hashlib
 import io
 import json
-import os
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -59,6 +58,7 @@ LICENCES = {
     "motion": "procedural, of this project, MIT",
 }
 EVERY_STYLE_SAYS = 4  # of this many training utterances one is said in all styles alike
+BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s of speech [{elapsed}<{remaining}]"
 WORD_LENGTHS = range(3, 10)
 
 
@@ -87,7 +87,9 @@ def make_corpus(out: Path, minutes: float, seed: int = 0, progress: bool = True)
     report = CorpusReport(0, 0.0, LipSync())
     names: list[str] = []
     utterances = _Utterances(seed, aligner, voices, vocabulary)
-    with tqdm(total=60 * minutes, unit="s", desc="corpus", disable=not progress) as bar:
+    with tqdm(
+        total=60 * minutes, unit="s", desc="corpus", disable=not progress, bar_format=BAR
+    ) as bar:
         try:
             for number, style in _clips():
                 if report.seconds >= 60 * minutes:
@@ -100,7 +102,7 @@ def make_corpus(out: Path, minutes: float, seed: int = 0, progress: bool = True)
                 report = CorpusReport(
                     len(names), report.seconds + seconds, report.lip_sync + counted
                 )
-                bar.update(min(seconds, bar.total - bar.n))
+                bar.update(seconds)
         finally:
             _write_json(out / SPLIT_FILE, _splits(names))
     return report
@@ -237,7 +239,7 @@ def _write(path: Path, content: bytes) -> None:
     fresh = path.with_name(f".{path.name}.part")
     try:
         fresh.write_bytes(content)
-        os.replace(fresh, path)
+        fresh.replace(path)
     finally:
         with contextlib.suppress(FileNotFoundError):
             fresh.unlink()

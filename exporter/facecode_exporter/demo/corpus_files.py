@@ -108,5 +108,5 @@ def _read_json(path: Path) -> Any:  # noqa: ANN401
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise CorpusError(
-            f"{path}: cannot be read ({error}); make a corpus with: facecode-export corpus --out DIR"
+            f"{path}: cannot be read ({error}); make it with: facecode-export corpus --out DIR"
         ) from error

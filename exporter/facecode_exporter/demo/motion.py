@@ -42,4 +42,4 @@ def face_weights(
     rng = np.random.default_rng(seed)
     mouth: Float32 = mouth_weights(phones, loud, style, FPS)
     upper = upper_face_weights(phones, loud, high, style, rng, FPS)
-    return np.clip(mouth + upper, 0, 1).astype(np.float16)
+    return np.asarray(np.clip(mouth + upper, 0, 1), np.float16)

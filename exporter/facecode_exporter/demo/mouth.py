@@ -15,6 +15,7 @@ import numpy as np
 from facecode.arrays import Float32
 from facecode_exporter.demo.face_units import FACE_UNITS, UNIT, unit_weights
 from facecode_exporter.demo.phones import SILENCE, Phone
+from facecode_exporter.demo.prosody import frame_times
 from facecode_exporter.demo.styles import Style
 from facecode_exporter.demo.visemes import (
     JAW,
@@ -33,19 +34,12 @@ PLATEAU = 0.3  # share of a phone, either side of its middle, at full dominance
 FULL_SILENCE_S = 0.25  # shorter silences rest less
 CONTACT = 0.25  # share of a phone, either side of its middle, that a contact is held
 CONTACT_RAMP_S = 0.055
-JAW_IN_CONTACT = {
-    True: 0.55,
-    False: 0.35,
-}  # of the jaw that stays open behind closed lips; on teeth
+JAW_BEHIND_LIPS, JAW_ON_TEETH = 0.55, 0.35  # share of the jaw that stays open in a contact
 WIDEST_JAW_ON_TEETH = 0.05
 # Units that part the lips, and so are off while they touch.
 PARTING = (
-    "mouthFunnel",
-    "mouthRollLower",
-    "mouthLowerDown",
-    "mouthUpperUp",
-    "mouthShrugUpper",
-    "mouthShrugLower",
+    *("mouthFunnel", "mouthRollLower", "mouthLowerDown", "mouthUpperUp"),
+    *("mouthShrugUpper", "mouthShrugLower"),
 )
 
 _PARTS = {name: np.array([articulator(u) == name for u in FACE_UNITS]) for name in REACH_S}
@@ -55,7 +49,7 @@ _SPREADING = unit_weights(mouthStretch=1, mouthSmile=1) > 0
 
 def mouth_weights(phones: Sequence[Phone], loudness: Float32, style: Style, fps: float) -> Float32:
     """(T, 52) for phones that cover the T frames of `loudness` (dB, 0 is loud)."""
-    times = np.arange(len(loudness)) / fps + style.lead_s
+    times = frame_times(len(loudness), fps) + np.float32(style.lead_s)
     parts = split_diphthongs(phones)
     targets = np.stack([_target(phone, loudness, style, fps) for phone in parts])
     weights = np.zeros((len(times), len(FACE_UNITS)), np.float32)
@@ -69,7 +63,7 @@ def mouth_weights(phones: Sequence[Phone], loudness: Float32, style: Style, fps:
             if phone.name in kinds:
                 much = _bump(phone, times, fps)[:, None]
                 weights = (1 - much) * weights + much * contact(weights, phone.name, style)
-    return np.clip(weights, 0, 1).astype(np.float32)
+    return np.asarray(np.clip(weights, 0, 1), np.float32)
 
 
 def _target(phone: Phone, loudness: Float32, style: Style, fps: float) -> Float32:
@@ -114,7 +108,7 @@ def _lips_together(weights: Float32, name: str, style: Style) -> Float32:
     """`mouthClose` undoes on the lips what `jawOpen` does, unit for unit."""
     closed = np.where(_PARTING, 0, weights)
     closed = np.where(_SPREADING, np.minimum(closed, 0.3), closed)
-    jaw = JAW_IN_CONTACT[True] * weights[:, UNIT["jawOpen"]]
+    jaw = JAW_BEHIND_LIPS * weights[:, UNIT["jawOpen"]]
     closed[:, UNIT["jawOpen"]] = jaw
     closed[:, UNIT["mouthClose"]] = jaw
     pressed = VISEMES[name].shape * style.press
@@ -125,7 +119,7 @@ def _lip_on_teeth(weights: Float32, name: str, style: Style) -> Float32:
     """The lower lip is rolled in under the upper teeth, which show."""
     biting = np.where(_PARTING, 0, weights)
     biting[:, UNIT["mouthPucker"]] *= 0.3
-    jaw = np.minimum(JAW_IN_CONTACT[False] * weights[:, UNIT["jawOpen"]], WIDEST_JAW_ON_TEETH)
+    jaw = np.minimum(JAW_ON_TEETH * weights[:, UNIT["jawOpen"]], WIDEST_JAW_ON_TEETH)
     shape = VISEMES[name].shape
     biting[:, UNIT["jawOpen"]] = np.maximum(jaw, shape[UNIT["jawOpen"]])
     others = np.delete(np.arange(len(shape)), UNIT["jawOpen"])

@@ -15,6 +15,11 @@ LOWEST_HZ, HIGHEST_HZ = 60.0, 450.0
 VOICED = 0.45  # of the autocorrelation at lag 0
 
 
+def frame_times(n_frames: int, fps: float) -> Float32:
+    """(n_frames,) seconds from the start of the recording."""
+    return np.asarray(np.arange(n_frames) / fps, np.float32)
+
+
 def frame_windows(audio: Audio, n_frames: int, fps: float) -> Float32:
     """(n_frames, n_samples) the 40 ms around each frame's time, zeros beyond the ends."""
     size = int(WINDOW_S * SAMPLE_RATE)

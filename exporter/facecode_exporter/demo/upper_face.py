@@ -13,6 +13,7 @@ import numpy as np
 from facecode.arrays import Float32
 from facecode_exporter.demo.face_units import FACE_UNITS, UNIT, unit_weights
 from facecode_exporter.demo.phones import SILENCE, Phone
+from facecode_exporter.demo.prosody import frame_times
 from facecode_exporter.demo.styles import Style
 from facecode_exporter.demo.visemes import VOWELS
 
@@ -38,7 +39,7 @@ def upper_face_weights(
     fps: float,
 ) -> Float32:
     """(T, 52) for phones that cover the T frames of `loudness` and `pitch`."""
-    times = np.arange(len(loudness)) / fps
+    times = frame_times(len(loudness), fps)
     weights = np.zeros((len(times), len(FACE_UNITS)), np.float32)
     weights += unit_weights(
         browDown=style.brow_down,
@@ -52,7 +53,7 @@ def upper_face_weights(
     shut = _blinks(phones, style, rng, times)[:, None]
     opened = unit_weights(eyeSquint=1, eyeWide=1) * shut
     weights = weights * (1 - opened) + shut * unit_weights(eyeBlink=1)
-    return np.clip(weights, 0, 1).astype(np.float32)
+    return np.asarray(np.clip(weights, 0, 1), np.float32)
 
 
 def _blinks(phones: Sequence[Phone], style: Style, rng: Generator, times: Float32) -> Float32:
@@ -71,7 +72,7 @@ def _blinks(phones: Sequence[Phone], style: Style, rng: Generator, times: Float3
             at, value = zip(*BLINK, strict=True)
             shut = np.maximum(shut, np.interp(times - start, at, value, left=0, right=0))
             last = start
-    return shut
+    return np.asarray(shut, np.float32)
 
 
 def _brow_raises(

@@ -119,7 +119,7 @@ def _faded(sound: Audio) -> Audio:
     faded = sound.copy()
     faded[: len(ramp)] *= ramp
     faded[-len(ramp) :] *= ramp[::-1]
-    return faded
+    return np.asarray(faded)
 
 
 def _recorded(clean: Audio, rng: np.random.Generator) -> Audio:
@@ -127,7 +127,8 @@ def _recorded(clean: Audio, rng: np.random.Generator) -> Audio:
     level, noise = 10 ** (rng.uniform(*LEVEL_DB) / 20), 10 ** (rng.uniform(*NOISE_DB) / 20)
     hiss = rng.standard_normal(len(clean)).astype(np.float32)
     scaled = clean * np.float32(level / max(np.abs(clean).max(), 1e-3))
-    return np.clip(scaled + np.float32(noise * level) * hiss, -1, 1).astype(np.float32)
+    noisy = scaled + np.float32(noise * level) * hiss
+    return np.asarray(np.clip(noisy, -1, 1), np.float32)
 
 
 def vocabulary_of(aligner: Aligner, candidates: Sequence[str]) -> list[str]:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from facecode.arrays import Float32
-from facecode_exporter.demo.face_units import UNIT, unit_weights
+from facecode_exporter.demo.face_units import unit_weights
 from facecode_exporter.demo.phones import SILENCE, Phone
 
 JAW, LIPS, TONGUE = "jaw", "lips", "tongue"
@@ -38,8 +38,6 @@ class Viseme:
 
 
 def _viseme(jaw: float, lips: float, tongue: float = 0.1, **shape: float) -> Viseme:
-    unknown = [unit for unit in shape if unit not in UNIT and unit + "Left" not in UNIT]
-    assert not unknown, unknown
     return Viseme(unit_weights(**shape), {JAW: jaw, LIPS: lips, TONGUE: tongue})
 
 
@@ -76,12 +74,8 @@ VISEMES: Mapping[str, Viseme] = {
     "P": _viseme(0.5, 1.6, mouthPress=0.35),
     "B": _viseme(0.5, 1.6, mouthPress=0.28),
     "M": _viseme(0.5, 1.6, mouthPress=0.24),
-    "F": _viseme(
-        0.9, 1.5, jawOpen=0.035, mouthRollLower=0.38, mouthUpperUp=0.30, mouthShrugLower=0.16
-    ),
-    "V": _viseme(
-        0.9, 1.4, jawOpen=0.035, mouthRollLower=0.32, mouthUpperUp=0.26, mouthShrugLower=0.14
-    ),
+    "F": _viseme(0.9, 1.5, jawOpen=0.05, mouthRollLower=0.55, mouthUpperUp=0.48),
+    "V": _viseme(0.9, 1.4, jawOpen=0.05, mouthRollLower=0.48, mouthUpperUp=0.42),
     "W": _viseme(0.6, 1.5, jawOpen=0.06, mouthPucker=0.85, mouthFunnel=0.12),
     # tongue and teeth
     "TH": _viseme(
