@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+import facecode
 from facecode.errors import MissingExtraError, OutputFolderError
 from facecode_exporter.demo.corpus_files import (
     ABOUT,
@@ -49,7 +50,7 @@ from facecode_exporter.demo.utterance import (
 from facecode_exporter.demo.voices import SOURCES, Voice, available_voices
 from facecode_exporter.errors import CorpusError
 
-PACKAGES = ("hibari-tts", "pocketsphinx", "numpy", "soxr", "facecode")
+PACKAGES = ("hibari-tts", "pocketsphinx", "numpy", "scipy", "soxr", "onnxruntime")
 LICENCES = {
     "head": "CC0 1.0, from the MakeHuman base mesh and the Face Units pack by Mika Suominen",
     "speech": "made with the sources named under voices; their licences leave the output free",
@@ -81,18 +82,17 @@ def make_corpus(out: Path, minutes: float, seed: int = 0, progress: bool = True)
     """
     from tqdm import tqdm
 
+    goal_s = 60 * minutes
     voices = available_voices()
     aligner, vocabulary = _tools()
     _begin(out, _about(seed, voices))
     report = CorpusReport(0, 0.0, LipSync())
     names: list[str] = []
     utterances = _Utterances(seed, aligner, voices, vocabulary)
-    with tqdm(
-        total=60 * minutes, unit="s", desc="corpus", disable=not progress, bar_format=BAR
-    ) as bar:
+    with tqdm(total=goal_s, unit="s", desc="corpus", disable=not progress, bar_format=BAR) as bar:
         try:
             for number, style in _clips():
-                if report.seconds >= 60 * minutes:
+                if report.seconds >= goal_s:
                     break
                 name = clip_name(style, number)
                 if not clip_path(out, "weights", name).is_file():
@@ -102,7 +102,7 @@ def make_corpus(out: Path, minutes: float, seed: int = 0, progress: bool = True)
                 report = CorpusReport(
                     len(names), report.seconds + seconds, report.lip_sync + counted
                 )
-                bar.update(seconds)
+                bar.update(min(seconds, goal_s - bar.n))
         finally:
             _write_json(out / SPLIT_FILE, _splits(names))
     return report
@@ -167,7 +167,7 @@ def _about(seed: int, voices: tuple[Voice, ...]) -> dict[str, Any]:
             voice.name: {**dataclasses.asdict(voice), "made_with": SOURCES[voice.source]}
             for voice in voices
         },
-        "packages": {name: _version(name) for name in PACKAGES},
+        "packages": {"facecode": facecode.__version__} | {p: _version(p) for p in PACKAGES},
         "licences": LICENCES,
         "note": "procedural motion: it teaches timing, closures and styles, not captured realism",
     }

@@ -36,6 +36,7 @@ CONTACT = 0.25  # share of a phone, either side of its middle, that a contact is
 CONTACT_RAMP_S = 0.055
 JAW_BEHIND_LIPS, JAW_ON_TEETH = 0.55, 0.35  # share of the jaw that stays open in a contact
 WIDEST_JAW_ON_TEETH = 0.05
+TYPICAL_DB = -3.0  # of a stressed vowel, below the loudest
 # Units that part the lips, and so are off while they touch.
 PARTING = (
     *("mouthFunnel", "mouthRollLower", "mouthLowerDown", "mouthUpperUp"),
@@ -71,9 +72,9 @@ def _target(phone: Phone, loudness: Float32, style: Style, fps: float) -> Float3
     gain[_PARTS[LIPS]] = style.lips
     gain[_PARTS[JAW]] = style.jaw
     if phone.name in VOWELS:
-        heard = loudness[int(phone.start_s * fps) : int(phone.end_s * fps) + 2]
-        level = float(heard.max()) if len(heard) else -10.0
-        gain[_PARTS[JAW]] *= np.clip(1.12 + level / 25, 0.65, 1.2)
+        heard = loudness[round(phone.start_s * fps) : round(phone.end_s * fps) + 1]
+        level = float(np.quantile(heard, 0.75)) if len(heard) else TYPICAL_DB
+        gain[_PARTS[JAW]] *= np.clip(1 + (level - TYPICAL_DB) / 25, 0.65, 1.2)
     return VISEMES[phone.name].shape * gain
 
 

@@ -71,14 +71,14 @@ STYLES: tuple[Style, ...] = (
         gaze=0.3,
         blinks_per_s=0.2,
     ),
-    Style("smiling", jaw=0.95, lips=0.95, smile=0.38, squint=0.18, brow_up=0.05, brow_activity=0.5),
+    Style("smiling", jaw=0.95, lips=0.95, smile=0.42, squint=0.18, brow_up=0.05, brow_activity=0.5),
     Style(
         "stern",
         jaw=0.85,
         lips=0.9,
         press=1.3,
         frown=0.22,
-        brow_down=0.45,
+        brow_down=0.65,
         squint=0.15,
         brow_activity=0.2,
         gaze=0.2,
@@ -98,7 +98,7 @@ STYLES: tuple[Style, ...] = (
         gaze=0.4,
     ),
     Style(
-        "astonished", jaw=1.1, lips=1.0, brow_up=0.4, brow_activity=0.6, gaze=0.4, blinks_per_s=0.3
+        "astonished", jaw=1.1, lips=1.0, brow_up=0.55, brow_activity=0.6, gaze=0.4, blinks_per_s=0.3
     ),
 )
 
