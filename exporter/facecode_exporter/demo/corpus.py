@@ -210,7 +210,8 @@ def _write_clip(
     soundfile.write(sound, utterance.audio, SAMPLE_RATE, format="FLAC", subtype="PCM_16")
     np.save(labels, weights)
     _write(clip_path(out, "wav", name), sound.getvalue())
-    _write_json(clip_path(out, "phones", name), [list(phone) for phone in utterance.phones])
+    heard = {"voice": utterance.voice, "phones": utterance.phones}
+    _write_json(clip_path(out, "phones", name), heard, indent=None)
     _write(clip_path(out, "text", name), f"{utterance.text}\n".encode())
     _write(clip_path(out, "weights", name), labels.getvalue())
 
@@ -229,8 +230,7 @@ def _splits(names: list[str]) -> Mapping[str, list[str]]:
     }
 
 
-def _write_json(path: Path, value: object) -> None:
-    indent = None if isinstance(value, list) else 1
+def _write_json(path: Path, value: object, indent: int | None = 1) -> None:
     _write(path, (json.dumps(value, indent=indent, ensure_ascii=False) + "\n").encode())
 
 

@@ -3,7 +3,7 @@
     head.npz  corpus.json  splits.json
     wav/<style>_<sentence>.flac       16 kHz mono, 16 bit
     weights/<style>_<sentence>.npy    (T, 52) float16 ARKit weights at 30 fps
-    phones/<style>_<sentence>.json    [[phone, start_s, end_s], ...] from 0 to the end
+    phones/<style>_<sentence>.json    {"voice": name, "phones": [[phone, start_s, end_s], ...]}
     text/<style>_<sentence>.txt       what is said
 
 A style is a training identity. Motion is kept as weights and expanded when read: an hour and a half
@@ -66,12 +66,21 @@ def load_clip_audio(corpus: Path, name: str) -> Audio:
 
 
 def load_phones(corpus: Path, name: str) -> list[Phone]:
-    """The sounds of a clip and their times.
+    """The sounds of a clip and their times, from 0 to its end.
 
     Raises:
         CorpusError: no such clip.
     """
-    return [Phone(*row) for row in _read_json(clip_path(corpus, "phones", name))]
+    return [Phone(*row) for row in _read_json(clip_path(corpus, "phones", name))["phones"]]
+
+
+def load_voice(corpus: Path, name: str) -> str:
+    """Who speaks in a clip: a name among the voices of `corpus.json`.
+
+    Raises:
+        CorpusError: no such clip.
+    """
+    return str(_read_json(clip_path(corpus, "phones", name))["voice"])
 
 
 def load_weights(corpus: Path, name: str) -> Weights:

@@ -38,7 +38,7 @@ IDENTITIES = tuple(
 )
 SIDES = {"left": 1, "right": -1}
 UPPER, LOWER = 474, 493  # inner lips on the midline, in the base mesh
-LIPS_OVERLAP = 0.005  # decimetres; no identity shows teeth at rest
+LIPS_OVERLAP = 0.007  # decimetres; no identity shows teeth at rest
 UNSEEN = 2e-5  # metres; the face units are written in steps of 1e-4 m
 
 

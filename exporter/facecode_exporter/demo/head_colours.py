@@ -94,7 +94,7 @@ def paint_skin(skin: Float, masks: Mapping[str, Float], lid_edges: Float) -> dic
 def _hair(y: Float, z: Float, ear: Float) -> Float:
     """Short hair: above a line that runs from the forehead over the temples to behind the ears."""
     hairline = np.interp(z, *HAIRLINE)
-    return _ramp(y - hairline, -0.04, 0.08) * (1 - ear)
+    return _ramp(y - hairline, -0.12, 0.16) * (1 - ear)
 
 
 def _blush(x: Float, y: Float, z: Float) -> Float:
@@ -131,13 +131,13 @@ def as_bytes(parts: Sequence[Mapping[str, Float]]) -> dict[str, NDArray[np.uint8
 
 PALETTES = {
     ("caucasian", "female"): palette(
-        (236, 196, 174), (226, 150, 134), (196, 100, 98), (92, 62, 44), (88, 122, 140)
+        (236, 196, 174), (226, 150, 134), (192, 110, 106), (92, 62, 44), (88, 122, 140)
     ),
     ("caucasian", "male"): palette(
         (226, 184, 160), (214, 142, 124), (186, 112, 104), (74, 52, 40), (96, 112, 84)
     ),
     ("asian", "female"): palette(
-        (238, 202, 170), (228, 158, 134), (198, 98, 96), (34, 28, 28), (74, 48, 34)
+        (238, 202, 170), (228, 158, 134), (194, 108, 102), (34, 28, 28), (74, 48, 34)
     ),
     ("asian", "male"): palette(
         (222, 182, 146), (206, 144, 116), (180, 108, 98), (30, 26, 26), (66, 44, 32)

@@ -34,7 +34,8 @@ EYE_SHRINK = 0.985  # the lids close over it without a gap or a poke
 ARCH = np.radians(80)  # from the midline to the last tooth that shows
 TOOTH_PROFILE = np.array([-0.94, -0.55, 0.0, 0.55, 0.94])  # across one tooth
 TOOTH_DEPTHS = np.array([0.0, 0.85, 1.0, 0.85, 0.0])  # how far each of these stands out
-TEETH_SHRINK, TEETH_BACK = 0.9, 0.06  # about their centre; behind closed lips (decimetres)
+TEETH_SHRINK = np.array([0.84, 0.9, 0.9])  # about their centre: no white in the mouth's corners
+TEETH_BACK = 0.06  # decimetres; behind closed lips
 
 
 class ToothRow(NamedTuple):
@@ -59,8 +60,8 @@ class Jaw(NamedTuple):
     widths: tuple[float, ...]
 
 
-UPPER_JAW = Jaw((6.78, 6.84), (6.560, 6.680), (1.0, 0.8, 0.9, 0.85, 0.85, 1.1))
-LOWER_JAW = Jaw((6.40, 6.55), (6.570, 6.665), (0.7, 0.75, 0.85, 0.9, 0.9, 1.2))
+UPPER_JAW = Jaw((6.78, 6.84), (6.560, 6.700), (1.0, 0.8, 0.9, 0.85, 0.85, 1.1))
+LOWER_JAW = Jaw((6.40, 6.55), (6.570, 6.615), (0.7, 0.75, 0.85, 0.9, 0.9, 1.2))
 
 TONGUE_SHRINK, TONGUE_MOVE = (
     np.array([0.9, 0.65, 0.85]),

@@ -41,7 +41,7 @@ class Part:
         return self.displacement(base) + self.lift
 
 
-def copied(name: str, quads: Int, move: Float | None = None) -> Part:
+def copied(name: str, quads: Int) -> Part:
     """The vertices of some quads as they are."""
     used, local = np.unique(quads, return_inverse=True)
     return Part(
@@ -49,7 +49,7 @@ def copied(name: str, quads: Int, move: Float | None = None) -> Part:
         used[:, None],
         np.ones((len(used), 1)),
         triangulated(local.reshape(quads.shape)),
-        np.zeros((len(used), 3)) if move is None else move,
+        np.zeros((len(used), 3)),
     )
 
 

@@ -26,6 +26,7 @@ FRAME_S = 0.01
 SILENCE = "SIL"
 BEFORE_S, AFTER_S = 0.07, 0.05  # kept around the sound: a stop begins with silence
 QUIET_DB = 38.0  # below the loud frames of the recording
+DIGITAL_SILENCE_DB = -85.0
 _WORD = re.compile(r"[a-z]+(?:['.][a-z]+)*\.?")
 
 
@@ -105,7 +106,8 @@ def sounding(audio: Audio) -> tuple[int, int]:
     n_frames = len(audio) // hop
     power = np.square(audio[: n_frames * hop]).reshape(n_frames, hop).mean(axis=1)
     level = 10 * np.log10(power + 1e-10)
-    loud = np.flatnonzero(level > max(np.quantile(level, 0.95) - QUIET_DB, -85) if n_frames else [])
+    threshold = max(np.quantile(level, 0.95) - QUIET_DB, DIGITAL_SILENCE_DB) if n_frames else 0.0
+    loud = np.flatnonzero(level > threshold)
     if not len(loud):
         raise AlignmentError("the recording is silent; nothing to align")
     first = max(0, int(loud[0]) * hop - int(BEFORE_S * SAMPLE_RATE))

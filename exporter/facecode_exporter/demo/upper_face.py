@@ -26,6 +26,7 @@ STRESSED = 0.6  # standard deviations above the mean vowel
 FIXATION_S = 1.1  # mean time between eye movements
 DART_S = 0.045
 FARTHEST = 0.45  # weight of the widest glance
+RIGHT = np.array([unit.endswith("Right") for unit in FACE_UNITS])
 
 Generator = np.random.Generator
 
@@ -95,9 +96,7 @@ def _brow_raises(
             middle = (vowel.start_s + vowel.end_s) / 2
             away = (times - middle) / np.where(times < middle, RAISE_S, 1.5 * RAISE_S)
             bump = height * np.exp(-(away**2))[:, None]
-            weights = np.maximum(
-                weights, bump * inner_and_outer * [tilt if "Right" in u else 1 for u in FACE_UNITS]
-            )
+            weights = np.maximum(weights, bump * np.where(RIGHT, tilt, 1) * inner_and_outer)
     return np.asarray(weights, np.float32)
 
 

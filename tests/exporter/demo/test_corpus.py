@@ -17,6 +17,7 @@ from facecode_exporter.demo.corpus_files import (
     load_corpus_head,
     load_offsets,
     load_phones,
+    load_voice,
     load_weights,
 )
 from facecode_exporter.demo.styles import STYLES
@@ -63,6 +64,13 @@ def test_clips_are_named_after_styles(corpus):
     names = clip_names(corpus, "train")
     assert {name.split("_")[0] for name in names} <= styles
     assert set(load_about(corpus)["styles"]) == styles
+
+
+def test_voices_for_the_test_are_not_heard_in_training(corpus):
+    voices = load_about(corpus)["voices"]
+    heard = {load_voice(corpus, name) for name in clip_names(corpus, "train")}
+    assert heard
+    assert not [name for name in heard if voices[name]["held_out"]]
 
 
 def test_styles_share_some_utterances_and_move_differently(corpus):

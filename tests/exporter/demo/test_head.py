@@ -5,6 +5,7 @@ import pytest
 
 from facecode_exporter.demo.face_units import FACE_UNITS, UNIT, unit_weights
 from facecode_exporter.demo.head import PACKAGED, Head, load_head, save_head
+from facecode_exporter.demo.head_details import seen_from_front
 from facecode_exporter.errors import CorpusError
 
 
@@ -83,9 +84,10 @@ def test_lips_touch_at_rest_and_hide_the_teeth(head, name):
     upper, lower = head.lip_pair
     assert abs(face[upper, 1] - face[lower, 1]) < 1e-3
     teeth = np.union1d(material(head, "teeth"), material(head, "tooth_seam"))
-    lips = face[head.regions["lips"]]
-    front = face[teeth][np.abs(face[teeth, 0]) < 0.008]
-    assert front[:, 2].max() < lips[np.abs(lips[:, 0]) < 0.008][:, 2].max() - 0.005
+    skin = head.faces[~np.isin(head.faces, teeth).any(axis=1)]
+    corners, shares = seen_from_front(face, skin, face[teeth, :2])
+    in_front = (face[corners, 2] * shares).sum(axis=1)
+    assert (in_front > face[teeth, 2] + 1e-3).all()
 
 
 def test_the_jaw_opens_the_mouth_and_mouth_close_shuts_it_again(head):
