@@ -27,7 +27,7 @@ MATERIALS = (
         "gum",
         "teeth",
     ),
-    *("tooth_seam", "sclera", "iris_rim", "iris", "iris_inner", "pupil"),
+    *("tooth_seam", "tooth_shade", "sclera", "iris_rim", "iris", "iris_inner", "pupil"),
 )
 MASKS = ("lips", "inside-mouth", "ears")
 # Depth z and height y of the edge of the hair, from the nape to the forehead (decimetres).
@@ -45,6 +45,7 @@ _FIXED: dict[str, Colour] = {
     "gum": (178, 98, 98),
     "teeth": (240, 234, 222),
     "tooth_seam": (176, 160, 146),
+    "tooth_shade": (104, 70, 66),
     "sclera": (240, 238, 234),
     "pupil": (12, 10, 10),
 }

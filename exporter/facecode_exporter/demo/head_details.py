@@ -32,6 +32,7 @@ EYE_RINGS = (
 EYE_SHRINK = 0.985  # the lids close over it without a gap or a poke
 
 ARCH = np.radians(80)  # from the midline to the last tooth that shows
+SIDE_TEETH, BACK_TEETH = np.radians(39), np.radians(51)
 TOOTH_PROFILE = np.array([-0.94, -0.55, 0.0, 0.55, 0.94])  # across one tooth
 TOOTH_DEPTHS = np.array([0.0, 0.85, 1.0, 0.85, 0.0])  # how far each of these stands out
 TEETH_SHRINK = np.array([0.84, 0.9, 0.9])  # about their centre: no white in the mouth's corners
@@ -128,13 +129,20 @@ def teeth(name: str, base: Float, helper: Int, jaw: Jaw) -> Detail:
         down = row.down - 0.09 * (row.down > 0.9) * (1 - stand) + 0.06 * row.is_gum * stand
         x, z = half_width * reach * np.sin(angles), back + (front - back) * reach * np.cos(angles)
         rows.append(np.stack([x, gum + (edge - gum) * down, z], axis=1))
-        materials += ["gum" if row.is_gum else "teeth" if s else "tooth_seam" for s in stand]
+        materials += [_tooth_material(row, *at) for at in zip(stand, np.abs(angles), strict=True)]
     grid = np.concatenate(rows)
     centre = (grid.max(axis=0) + grid.min(axis=0)) / 2
     tucked = centre + TEETH_SHRINK * (grid - centre) - [0, 0, TEETH_BACK]
     triangles = grid_triangles(len(TOOTH_ROWS), len(angles))
     triangles = triangles[:, ::-1] if jaw is UPPER_JAW else triangles
     return Detail(attached(name, base, helper, tucked, triangles), materials)
+
+
+def _tooth_material(row: ToothRow, stand: float, angle: float) -> str:
+    """Light does not reach the back teeth; white there would flash in the corners of the mouth."""
+    if angle > BACK_TEETH:
+        return "mouth" if row.is_gum else "tooth_shade"
+    return "gum" if row.is_gum else "teeth" if stand and angle < SIDE_TEETH else "tooth_seam"
 
 
 def tongue(base: Float, quads: Int) -> Detail:

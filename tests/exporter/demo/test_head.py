@@ -83,7 +83,7 @@ def test_lips_touch_at_rest_and_hide_the_teeth(head, name):
     face = head.identities[name]
     upper, lower = head.lip_pair
     assert abs(face[upper, 1] - face[lower, 1]) < 1e-3
-    teeth = np.union1d(material(head, "teeth"), material(head, "tooth_seam"))
+    teeth = np.concatenate([material(head, n) for n in ("teeth", "tooth_seam", "tooth_shade")])
     skin = head.faces[~np.isin(head.faces, teeth).any(axis=1)]
     corners, shares = seen_from_front(face, skin, face[teeth, :2])
     in_front = (face[corners, 2] * shares).sum(axis=1)
