@@ -111,7 +111,9 @@ def affine_weights(anchors: Float, points: Float) -> Float:
     so a part of our own follows the jaw or the gaze of the helper it replaces.
     """
     system = np.vstack([anchors.T, np.ones(len(anchors))])
-    return np.asarray(np.linalg.lstsq(system, np.vstack([points.T, np.ones(len(points))]))[0].T)
+    return np.asarray(
+        np.linalg.lstsq(system, np.vstack([points.T, np.ones(len(points))]), rcond=None)[0].T
+    )
 
 
 def attached(name: str, base: Float, anchors: Int, points: Float, triangles: Int) -> Part:
@@ -124,7 +126,7 @@ def attached(name: str, base: Float, anchors: Int, points: Float, triangles: Int
 def sphere_of(points: Float) -> tuple[Float, float]:
     """Centre and radius of the sphere closest to some points."""
     system = np.hstack([2 * points, np.ones((len(points), 1))])
-    solution = np.linalg.lstsq(system, (points**2).sum(axis=1))[0]
+    solution = np.linalg.lstsq(system, (points**2).sum(axis=1), rcond=None)[0]
     centre = solution[:3]
     return centre, float(np.sqrt(solution[3] + centre @ centre))
 
