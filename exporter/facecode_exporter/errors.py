@@ -9,6 +9,9 @@ FacecodeError
   DataError (ValueError)                 a data set that is not in its layout
   RunError (ValueError)                  a training run that cannot start or go on
   ParityError (ArithmeticError)          the bundle does not compute what the network computes
+  CorpusError (ValueError)               a demo corpus, or a part of it, that cannot be used
+    HeadSourceError                      not the pinned wheel that the demo head is made from
+    AlignmentError                       words and recording do not go together
 """
 
 from facecode.errors import FacecodeError
@@ -46,3 +49,15 @@ class DataError(FacecodeError, ValueError):
 
 class RunError(FacecodeError, ValueError):
     """A training run cannot start or go on."""
+
+
+class CorpusError(FacecodeError, ValueError):
+    """A demo corpus, or something it is made from, cannot be used."""
+
+
+class HeadSourceError(CorpusError):
+    """Not the pinned wheel that the demo head is made from."""
+
+
+class AlignmentError(CorpusError):
+    """The words cannot be placed in the recording."""
