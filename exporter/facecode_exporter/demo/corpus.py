@@ -2,7 +2,7 @@
 
 Comes in: a folder, a length and a seed. Goes out: the layout of `corpus_files.py`. Interrupted, it
 goes on where it stopped; made longer, it keeps what is there. A clip depends on the seed, its style
-and its number only. Ten minutes take 20 s on one core and 13 MB, nine tenths of it sound.
+and its number only. Ten minutes take 20-25 s on one core and 13 MB, four fifths of it sound.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from facecode_exporter.errors import CorpusError
 PACKAGES = ("hibari-tts", "pocketsphinx", "numpy", "scipy", "soxr", "onnxruntime")
 LICENCES = {
     "head": "CC0 1.0, from the MakeHuman base mesh and the Face Units pack by Mika Suominen",
-    "speech": "made with the sources named under voices; their licences leave the output free",
+    "speech": "synthetic; each voice names its source and the licence of that source",
     "phones": "pocketsphinx and its US English model and cmudict, BSD",
     "text": "of this project, MIT; word lists from cmudict, BSD",
     "motion": "procedural, of this project, MIT",

@@ -81,7 +81,7 @@ class Head:
 
 
 def save_head(head: Head, path: Path) -> None:
-    """Write `head.npz`. Only what face units move is stored, as float16: at worst 8 um off."""
+    """Write `head.npz`. Only what face units move is stored, as float16: at worst 15 um off."""
     unit, vertex = np.nonzero(np.abs(head.unit_offsets).max(axis=2) > 0)
     relative = [face - head.template for face in head.identities.values()]
     regions: dict[str, Any] = {

@@ -16,7 +16,7 @@ from facecode_exporter.demo.phones import SILENCE, Phone
 from facecode_exporter.demo.visemes import LIPS_TOGETHER, OPEN_VOWELS
 
 CLOSED_M = 0.5e-3  # at most this much wider than at rest
-OPEN_M = 1.5e-3  # at least this much wider than at rest; the quietest style opens 4 mm
+OPEN_M = 1.5e-3  # at least this much wider than at rest; mumbled vowels open by 2.8 mm or more
 RESTING_M = 1.0e-3
 AROUND_S = 0.05  # motion leads sound, and phone times are 12 ms off on average
 SHORTEST_REST_S = 0.3
