@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import facecode
 from facecode.console import guarded
 from facecode.errors import MissingExtraError
+from facecode_exporter.demo.cli import add_model_parser
+from facecode_exporter.demo.cli import add_parser as add_corpus_parser
 from facecode_exporter.training.cli import add_parser as add_train_parser
 from facecode_spec.systems import SYSTEMS
 
@@ -49,9 +51,9 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     verify.add_argument("--audio", type=Path, help="a recording to compare on, whole")
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
 
-    train = add_train_parser(commands)
+    more = (add_train_parser, add_corpus_parser, add_model_parser)
 
-    for command in (export, init, verify, train):
+    for command in (export, init, verify, *(add(commands) for add in more)):
         command.add_argument("--debug", action="store_true", help="show the traceback of errors")
         command.add_argument("--quiet", action="store_true", help="no progress")
     return parser.parse_args(argv)

@@ -71,8 +71,8 @@ def compare_clip(
     net: CodeTalker, animator: Animator, case: Case, steps: Steps = lambda s: s
 ) -> ParityCase:
     """Animate one clip in `exact` mode by torch and by the runtime."""
-    audio = torch.from_numpy(normalise(case.audio))[None]
-    truth = net.predict(audio, torch.from_numpy(case.weights)[None], steps)
+    heard = normalise(case.audio) if net.system.speech_encoder.normalise else case.audio
+    truth = net.predict(torch.from_numpy(heard)[None], torch.from_numpy(case.weights)[None], steps)
     memory = animator.encode(case.audio)
     codes = np.concatenate(list(animator.generate(memory, case.weights)), axis=1)
     offsets = animator.decode(codes)

@@ -87,7 +87,8 @@ class SelfAttentionStep(nn.Module):
         super().__init__()
         n_heads, dim = attention.num_heads, attention.embed_dim
         head_dim = dim // n_heads
-        self.to_qkv = stack([scaled(rows(attention, 0), head_dim**-0.5), *rows_kv(attention)])
+        self.to_qkv = stack([rows(attention, i) for i in range(3)])
+        self.scale = head_dim**-0.5
         self.to_out = attention.out_proj
         owner = torch.arange(dim) // head_dim
         self.register_buffer("heads", (owner[:, None] == torch.arange(n_heads)).float())
@@ -98,7 +99,7 @@ class SelfAttentionStep(nn.Module):
     ) -> tuple[Tensor, Tensor, Tensor]:
         """x (B, D), past rows (B, n, D), bias (n, heads) to attended, new key, new value (B, D)."""
         query, key, value = self.to_qkv(x).chunk(3, dim=-1)
-        per_head = query[:, :, None] * self.heads
+        per_head = (query * self.scale)[:, :, None] * self.heads
         past_scores = keys @ per_head + bias
         own_score = key[:, None] @ per_head
         weights = torch.softmax(torch.cat([past_scores, own_score], dim=1), dim=1)
@@ -108,29 +109,20 @@ class SelfAttentionStep(nn.Module):
         return self.to_out(attended), key, value
 
 
-def rows_kv(attention: nn.MultiheadAttention) -> list[nn.Linear]:
-    """Key and value projections."""
-    return [rows(attention, 1), rows(attention, 2)]
-
-
-def scaled(layer: nn.Linear, factor: float) -> nn.Linear:
-    """`factor * layer(x)` as one layer."""
-    return linear(layer.weight * factor, layer.bias * factor)
-
-
 class CrossAttentionStep(nn.Module):
     """Cross-attention of one frame over its few memory rows, keys and values precomputed."""
 
     def __init__(self, attention: nn.MultiheadAttention) -> None:
         super().__init__()
         self.n_heads = attention.num_heads
-        self.to_query = scaled(rows(attention, 0), (attention.embed_dim // self.n_heads) ** -0.5)
+        self.to_query = rows(attention, 0)
+        self.scale = (attention.embed_dim // self.n_heads) ** -0.5
         self.to_out = attention.out_proj
 
     def forward(self, x: Tensor, keys: Tensor, values: Tensor) -> Tensor:
         """x (B, D), keys and values (B, rows, D) to (B, D)."""
         split = (self.n_heads, -1)
-        query = self.to_query(x).unflatten(-1, split)
+        query = (self.to_query(x) * self.scale).unflatten(-1, split)
         scores = (query[:, None] * keys.unflatten(-1, split)).sum(dim=-1, keepdim=True)
         weights = torch.softmax(scores, dim=1)
         mixed = (weights * values.unflatten(-1, split)).sum(dim=1)
@@ -244,12 +236,33 @@ class MotionDecoderView(nn.Module):
 
 
 class VertexHeadView(nn.Module):
-    """The output layer: hidden frames -> offsets."""
+    """The output layer: hidden frames -> offsets.
+
+    Vertices that no weight moves, such as the back of a head, are left out of the product and
+    filled with zeros.
+    """
 
     def __init__(self, net: CodeTalker) -> None:
         super().__init__()
-        self.output = net.autoencoder.decoder.vertice_map_reverse
+        layer = net.autoencoder.decoder.vertice_map_reverse
+        bias = torch.zeros(layer.out_features) if layer.bias is None else layer.bias
+        moves = (layer.weight != 0).any(dim=1) | (bias != 0)
+        moves = moves.unflatten(0, (-1, 3)).any(dim=1)
+        self.all_move = bool(moves.all())
+        if self.all_move:
+            self.output = layer
+            return
+        shown = moves.repeat_interleave(3)
+        self.output = linear(layer.weight[shown], bias[shown])
+        # Row of each vertex among those that move; one row of zeros stands behind them.
+        source = torch.where(moves, moves.cumsum(0) - 1, moves.sum())
+        self.register_buffer("source", source)
+        self.source: Tensor
 
     def forward(self, hidden: Tensor) -> Tensor:
         """hidden (B, n, E) to offsets (B, n, V, 3)."""
-        return cast(Tensor, self.output(hidden).unflatten(-1, (-1, 3)))
+        offsets: Tensor = self.output(hidden).unflatten(-1, (-1, 3))
+        if self.all_move:
+            return offsets
+        still = torch.zeros_like(offsets[:, :, :1])
+        return torch.cat([offsets, still], dim=2).index_select(2, self.source)

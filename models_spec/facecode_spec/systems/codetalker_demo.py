@@ -1,8 +1,4 @@
-"""The packaged model: CodeTalker at a small size on the demo head, listening through Whisper.
-
-Head widths of 64 make the attention scale a power of two, so that weights stored as float16 stay
-exact when it is folded into them.
-"""
+"""The packaged model: CodeTalker at a small size on the demo head, listening through Whisper."""
 
 from facecode_spec.schema import (
     CodebookSpec,
@@ -20,10 +16,10 @@ SPEC = SystemSpec(
     n_vertices=5886,
     unit="metres",
     styles=(
+        "precise",
         "calm",
         "lively",
         "mumbling",
-        "precise",
         "smiling",
         "stern",
         "weary",
