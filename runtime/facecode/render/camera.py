@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from facecode.arrays import Float32, Offsets, Template
 
@@ -34,10 +35,9 @@ class Camera:
 
     @classmethod
     def framing(cls, template: Template, offsets: Offsets) -> Camera:
-        """The view that holds the whole face over the clip. Positions that are not finite are left out."""
+        """The view that holds the whole face over the clip, but for what is not finite."""
         rotation = _turned(TURN_DEG, TILT_DEG)
-        chosen = np.linspace(0, len(offsets) - 1, min(FRAMED, len(offsets))).astype(np.int64)
-        seen = (offsets[chosen] + template).reshape(-1, 3)
+        seen = (offsets[spread(len(offsets), FRAMED)] + template).reshape(-1, 3)
         seen = seen[np.isfinite(seen).all(axis=1)]
         if not len(seen):
             seen = np.zeros((1, 3), np.float32)
@@ -50,13 +50,18 @@ class Camera:
         return cls(rotation, (middle @ rotation).astype(np.float32), distance, scale)
 
     def project(self, vertices: Template, size: int) -> Float32:
-        """(V, 3) to (3, V): x to the right and y down in samples of a square picture, 1 / distance."""
+        """(V, 3) to (3, V): x to the right and y down in a square picture, and 1 / distance."""
         seen = (vertices - self.centre) @ self.rotation.T
         near = 1 / (self.distance - seen[:, 2])
         zoom = self.scale * size * near
         return np.stack([size / 2 + seen[:, 0] * zoom, size / 2 - seen[:, 1] * zoom, near]).astype(
             np.float32
         )
+
+
+def spread(n_frames: int, n: int) -> NDArray[np.int64]:
+    """At most `n` frames, evenly over a clip, the first and the last among them."""
+    return np.unique(np.linspace(0, n_frames - 1, n).astype(np.int64))
 
 
 def _turned(turn_deg: float, tilt_deg: float) -> Float32:

@@ -16,9 +16,9 @@ _KEY, _FILL, _RIM = ((-0.55, 0.55, 0.75), (0.85, 0.10, 0.60), (0.60, 0.45, -0.75
 _LAMPS = np.array([_KEY, _FILL, _RIM], np.float32)
 LAMPS = _LAMPS / np.linalg.norm(_LAMPS, axis=1, keepdims=True)
 LAMP_COLOURS = np.array(
-    [(0.98, 0.92, 0.84), (0.15, 0.17, 0.20), (0.50, 0.53, 0.58)], np.float32
+    [(1.04, 0.965, 0.88), (0.14, 0.16, 0.19), (0.50, 0.53, 0.58)], np.float32
 )  # warm key, cool fill and rim
-SKY, GROUND = np.array([(0.27, 0.28, 0.30), (0.12, 0.105, 0.10)], np.float32)
+SKY, GROUND = np.array([(0.24, 0.25, 0.27), (0.11, 0.095, 0.09)], np.float32)
 # Light that enters skin comes out around the corner, red the farthest (as in pre-integrated skin).
 WRAP = np.array([0.32, 0.18, 0.12], np.float32)
 GLOSS, SHARPNESS = 0.14, 28  # of highlights, as Blinn counts them
@@ -52,19 +52,15 @@ def shade(normals: Float32, colours: Float32, openness: Float32) -> Float32:
     row = (y / length + BALL / 2).astype(np.int64)
     row *= BALL
     row += column
-    lamps, sky, gloss = _BALL[:3], _BALL[3:6], _BALL[6]
-    # Crevices keep the lamps' light to themselves less than the sky's.
-    direct = openness * (0.3 + 0.7 * openness)
-    light = np.empty_like(colours)
-    for channel in range(3):
-        light[channel] = (
-            lamps[channel][row] * direct + sky[channel][row] * openness
-        ) * colours[channel] + gloss[row] * direct
+    light = np.stack([channel[row] for channel in _BALL[:3]])
+    light *= colours
+    light += _BALL[3][row]
+    light *= openness
     return light
 
 
 def _lit_ball() -> Float32:
-    """(7, BALL * BALL): lamps and sky (3 + 3), highlight (1), for each normal's (y, x) in [-1, 1].
+    """(4, BALL * BALL): linear RGB on white skin and the highlight, by a normal's (y, x).
 
     Light depends on the normal alone, so it is computed once, on a ball.
     """
@@ -77,7 +73,7 @@ def _lit_ball() -> Float32:
     sky = GROUND[:, None] + (SKY - GROUND)[:, None] * (0.5 + 0.5 * y)
     gloss = GLOSS * np.maximum(HALF @ normals, 0) ** SHARPNESS
     sheen = SHEEN * (1 - normals[2]) ** 4 * np.maximum(incident[2] + 0.6, 0)
-    return np.concatenate([lamps, sky, (gloss + sheen)[None]]).astype(np.float32)
+    return np.concatenate([lamps + sky, (gloss + sheen)[None]]).astype(np.float32)
 
 
 def background(size: int) -> Float32:
@@ -92,7 +88,8 @@ def background(size: int) -> Float32:
 
 def to_srgb(light: Float32) -> NDArray[np.uint8]:
     """Linear light to sRGB uint8 with a soft shoulder, any shape."""
-    return _CURVE[np.minimum(light * (_STEPS / 2), _STEPS - 1).astype(np.int64)]
+    step = np.minimum(light * np.float32(_STEPS / 2), _STEPS - 1).astype(np.int64)
+    return np.asarray(_CURVE[step], np.uint8)
 
 
 def _curve() -> NDArray[np.uint8]:
@@ -101,7 +98,7 @@ def _curve() -> NDArray[np.uint8]:
     over = np.maximum(light - knee, 0)
     light = np.where(light < knee, light, knee + (1 - knee) * (1 - np.exp(-over / (1 - knee))))
     srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return np.rint(255 * srgb).astype(np.uint8)
+    return np.asarray(np.rint(255 * srgb), np.uint8)
 
 
 _CURVE = _curve()

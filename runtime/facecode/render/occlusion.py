@@ -11,7 +11,7 @@ import numpy as np
 from facecode.arrays import Faces, Float32, Template
 from facecode.render.raster import draw, nearness_of
 
-SIDES = 48
+SIDES = 32
 SIZE = 192  # samples a side
 BIAS = 0.02  # of the face's size: nearer than this does not block
 

@@ -7,6 +7,9 @@ skin it is shaded once, as multisampling does.
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import reduce
 
 import numpy as np
@@ -14,15 +17,16 @@ from numpy.typing import NDArray
 
 from facecode.arrays import Colours, Faces, Float32, Offsets, Template
 from facecode.render import light, raster
-from facecode.render.camera import Camera
+from facecode.render.camera import Camera, spread
 from facecode.render.occlusion import openness
 
 SAMPLES = 2
-POSES = 3  # of the clip at which the openness of the skin is looked at
+WORKERS = 2  # threads: numpy holds the interpreter for some of the work, more do not help
+LOOKED_AT, POSES = 64, 2  # frames of the clip that are compared, and chosen to see how open it is
 SMOOTH = 2e-3  # step in nearness within a pixel, as a share, that is still one surface
 CHUNK = 1 << 14  # pixels shaded at a time: what they need stays in the cache
 UNNOTICED = 1e-4  # share of the face's pixels
-DIMMEST = 0.30  # openness of the deepest crevice
+DIMMEST = 0.25  # openness of the deepest crevice
 INSIDE = 0.12  # share of the light for a surface seen from behind
 
 Picture = NDArray[np.uint8]
@@ -56,7 +60,7 @@ class Renderer:
         """Frame `index` as (size, size, 3) uint8."""
         vertices = self.template + self.offsets[index]
         screen = self._camera.project(vertices, self.size * SAMPLES)
-        picture = self._background.copy()
+        picture: Picture = self._background.copy()
         box = _box(screen, self.size)
         if box is None:
             return picture
@@ -72,22 +76,38 @@ class Renderer:
         picture[rows, columns] = behind.reshape(height, width, 3)
         return picture
 
+    def frames(self, workers: int = WORKERS) -> Iterator[Picture]:
+        """All frames in order; a few are drawn ahead in threads while the caller has the last."""
+        n_frames, ahead = len(self.offsets), 2 * workers
+        with ThreadPoolExecutor(workers, "facecode-render") as pool:
+            drawn = deque(pool.submit(self.frame, i) for i in range(min(ahead, n_frames)))
+            try:
+                for index in range(ahead, n_frames + ahead):
+                    yield drawn.popleft().result()
+                    if index < n_frames:
+                        drawn.append(pool.submit(self.frame, index))
+                    if not drawn:
+                        return
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
+
     def _attributes(self, vertices: Template) -> Float32:
         """What is interpolated (7, V): normal in the camera's axes, colour, openness."""
         normals = vertex_normals(vertices, self.faces) @ self._camera.rotation.T
         return np.concatenate([normals.T, self._vertex_colours, self._openness[None]])
 
     def _poses(self) -> list[Template]:
-        """A few that differ: at rest, half-way, and the farthest from the first frame."""
-        moved = np.abs(self.offsets - self.offsets[:1]).mean(axis=(1, 2))
-        order = np.argsort(moved, kind="stable")
-        chosen = order[np.linspace(0, len(order) - 1, POSES).astype(np.int64)]
-        return [np.nan_to_num(self.template + self.offsets[i]) for i in set(chosen.tolist())]
+        """Two that differ: the nearest to the first frame, which itself is, and the farthest."""
+        frames = spread(len(self.offsets), LOOKED_AT)
+        moved = np.abs(self.offsets[frames] - self.offsets[0]).mean(axis=(1, 2))
+        order = frames[np.argsort(moved, kind="stable")]
+        chosen = order[spread(len(order), POSES)]
+        return [np.nan_to_num(self.template + self.offsets[i]) for i in chosen]
 
     def _seen_openness(self, poses: list[Template]) -> Float32:
         """The most open of the poses: teeth that a later frame shows are not left in the dark."""
         each = (openness(pose, vertex_normals(pose, self.faces), self.faces) for pose in poses)
-        return DIMMEST + (1 - DIMMEST) * reduce(np.maximum, each)
+        return np.asarray(DIMMEST + (1 - DIMMEST) * reduce(np.maximum, each), np.float32)
 
     def _shows_inside(self, pose: Template) -> bool:
         """Whether the camera sees back sides, as through the open mouth of a face without a throat.
@@ -127,7 +147,7 @@ def _paint(picture: Picture, keys: list[raster.Keys], planes: _Planes, width: in
         position = _position(pixel, width, _OFFSETS[right], _OFFSETS[down])
         total[there] += planes.shade(raster.triangle_of(samples[pixel]), *position).T
         total[~there] += behind[~there]
-    picture[mixed] = light.to_srgb(total / SAMPLES**2)
+    picture[mixed] = light.to_srgb(total / np.float32(SAMPLES**2))
 
 
 def _box(screen: Float32, size: int) -> tuple[slice, slice] | None:
@@ -172,6 +192,7 @@ def vertex_normals(vertices: Template, faces: Faces) -> Template:
     """(V, 3) unit normals, each the mean of its triangles' by area."""
     corners = vertices[faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across[~np.isfinite(across).all(axis=1)] = 0
     total = np.stack(
         [
             np.bincount(faces.ravel(), np.repeat(across[:, axis], 3), len(vertices))
@@ -180,7 +201,7 @@ def vertex_normals(vertices: Template, faces: Faces) -> Template:
         axis=1,
     )
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.divide(total, length, out=np.zeros_like(total), where=length > 0).astype(np.float32)
+    return np.asarray(total / np.where(length > 0, length, 1), np.float32)
 
 
 def _outward(template: Template, faces: Faces) -> Faces:
@@ -200,4 +221,4 @@ def _position(
     pixel: NDArray[np.int64], size: int, right: float, down: float
 ) -> tuple[Float32, Float32]:
     y, x = np.divmod(pixel, size)
-    return (x + right).astype(np.float32), (y + down).astype(np.float32)
+    return np.asarray(x + right, np.float32), np.asarray(y + down, np.float32)

@@ -106,7 +106,9 @@ def _samples(
     at_start += down
     first_sample = row * width + start
     ends = np.cumsum(n_samples)
-    cuts = np.searchsorted(ends, np.arange(0, ends[-1] if len(ends) else 0, CHUNK)).tolist()
+    if not n_samples.any():
+        return
+    cuts = np.searchsorted(ends, np.arange(0, ends[-1], CHUNK)).tolist()
     for one_cut, next_cut in zip(cuts, [*cuts[1:], len(row)], strict=True):
         rows = slice(one_cut, next_cut)
         line = np.repeat(np.arange(next_cut - one_cut), n_samples[rows])
@@ -121,14 +123,16 @@ def _samples(
 def gradients(x: Float32, y: Float32, values: Float32, area: Float32) -> tuple[Float32, Float32]:
     """d/dx and d/dy (..., n) of values (..., n, 3) given at corners x, y (n, 3)."""
     one, two = values[..., 1] - values[..., 0], values[..., 2] - values[..., 0]
-    by_x = (one * (y[:, 2] - y[:, 0]) - two * (y[:, 1] - y[:, 0])) / area
-    by_y = (two * (x[:, 1] - x[:, 0]) - one * (x[:, 2] - x[:, 0])) / area
+    by_x = one * (y[:, 2] - y[:, 0]) - two * (y[:, 1] - y[:, 0])
+    by_y = two * (x[:, 1] - x[:, 0]) - one * (x[:, 2] - x[:, 0])
+    by_x /= area
+    by_y /= area
     return by_x, by_y
 
 
 def _centres(position: Float32, end: int) -> Int:
     """The first sample whose centre is at or after `position`, within [0, end]."""
-    return np.ceil(np.clip(position, 0, end) - np.float32(0.5)).astype(np.int64)
+    return np.asarray(np.ceil(np.clip(position, 0, end) - np.float32(0.5)), np.int64)
 
 
 def _counting(counts: Int) -> Int:

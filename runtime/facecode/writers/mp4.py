@@ -18,6 +18,7 @@ from facecode.errors import MissingExtraError, NoFacesError
 
 if TYPE_CHECKING:
     from facecode.animation import Animation
+    from facecode.render.picture import Picture
 
 SIZE = 640  # pixels a side
 SOUND_RATE = 48000
@@ -65,8 +66,8 @@ def write_mp4(animation: Animation, file: BinaryIO, progress: bool = False) -> N
         if sound is not None:
             speech = film.add_stream("aac", rate=SOUND_RATE, layout="mono", bit_rate=BITS_PER_S)
         heard = 0
-        for index in _counted(n_frames, progress):
-            film.mux(pictures.encode(_picture(av, renderer.frame(index), index, rate)))
+        for index, pixels in enumerate(_counted(renderer.frames(), n_frames, progress)):
+            film.mux(pictures.encode(_picture(av, pixels, index, rate)))
             if sound is not None:  # side by side, so that a player need not seek
                 until = len(sound) if index + 1 == n_frames else _samples_by(index + 1, rate)
                 for block in _blocks(av, sound, heard, until):
@@ -130,9 +131,9 @@ def _blocks(av: Any, sound: Float32, start: int, until: int) -> Iterator[Any]:  
         start += len(part)
 
 
-def _counted(n_frames: int, progress: bool) -> Iterable[int]:
+def _counted(frames: Iterable[Picture], n_frames: int, progress: bool) -> Iterable[Picture]:
     if not progress:
-        return range(n_frames)
+        return frames
     from tqdm import tqdm
 
-    return tqdm(range(n_frames), desc="render", unit="frame")
+    return tqdm(frames, desc="render", unit="frame", total=n_frames)
