@@ -23,7 +23,7 @@ from facecode.render.occlusion import openness
 SAMPLES = 2
 WORKERS = 2  # threads: numpy holds the interpreter for some of the work, more do not help
 LOOKED_AT, POSES = 64, 2  # frames of the clip that are compared, and chosen to see how open it is
-SMOOTH = 2e-3  # step in nearness within a pixel, as a share, that is still one surface
+SMOOTH = 6e-4  # step in nearness within a pixel, as a share, that is still one surface
 CHUNK = 1 << 14  # pixels shaded at a time: what they need stays in the cache
 UNNOTICED = 1e-4  # share of the face's pixels
 DIMMEST = 0.25  # openness of the deepest crevice
@@ -47,6 +47,7 @@ class Renderer:
         """Frame the clip of offsets (T, V, 3) for square pictures of `size` pixels."""
         self.size, self.template, self.offsets = size, template, offsets
         self.faces = _outward(template, faces)
+        self._shell = _shells(self.faces, len(template))
         self._camera = Camera.framing(template, offsets)
         if colours is None:
             colours = np.broadcast_to(np.array(light.CLAY, np.uint8), template.shape)
@@ -67,10 +68,11 @@ class Renderer:
         rows, columns = box
         screen[:2] -= [[columns.start * SAMPLES], [rows.start * SAMPLES]]
         height, width = rows.stop - rows.start, columns.stop - columns.start
-        faces = self.faces if self._two_sided else self.faces[_in_front(screen, self.faces)]
+        drawn = slice(None) if self._two_sided else _in_front(screen, self.faces)
+        faces = self.faces[drawn]
         keys = raster.draw(screen, faces, (height * SAMPLES, width * SAMPLES))
         keys = keys.reshape(height, SAMPLES, width, SAMPLES)
-        planes = _Planes(screen, faces, self._attributes(vertices))
+        planes = _Planes(screen, faces, self._attributes(vertices), self._shell[drawn])
         behind = picture[rows, columns].reshape(-1, 3)
         _paint(behind, _planar(keys), planes, width)
         picture[rows, columns] = behind.reshape(height, width, 3)
@@ -133,6 +135,9 @@ def _paint(picture: Picture, keys: list[raster.Keys], planes: _Planes, width: in
     touched = np.flatnonzero(nearest)
     near, far = (raster.nearness_of(side[touched]) for side in (nearest, farthest))
     smooth = far > near * np.float32(1 - SMOOTH)
+    shells = [planes.shell[raster.triangle_of(samples[touched])] for samples in keys]
+    for shell in shells[1:]:
+        smooth &= shell == shells[0]
     once, mixed = touched[smooth], touched[~smooth]
     for start in range(0, len(once), CHUNK):
         pixel = once[start : start + CHUNK]
@@ -164,7 +169,10 @@ def _box(screen: Float32, size: int) -> tuple[slice, slice] | None:
 class _Planes:
     """Attributes over the screen: of each triangle the value at a corner and two gradients."""
 
-    def __init__(self, screen: Float32, faces: Faces, attributes: Float32) -> None:
+    def __init__(
+        self, screen: Float32, faces: Faces, attributes: Float32, shell: NDArray[np.int64]
+    ) -> None:
+        self.shell = shell
         (x, y), values = screen[:2, faces] / SAMPLES, attributes[:, faces]
         area = raster.cross(x, y)
         with np.errstate(divide="ignore", invalid="ignore"):  # triangles that nobody sees
@@ -202,6 +210,18 @@ def vertex_normals(vertices: Template, faces: Faces) -> Template:
     )
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.asarray(total / np.where(length > 0, length, 1), np.float32)
+
+
+def _shells(faces: Faces, n_vertices: int) -> NDArray[np.int64]:
+    """(F,) a number for each connected piece: brows and eyeballs lie close to the skin."""
+    piece = np.arange(n_vertices)
+    while True:
+        least = piece.copy()
+        np.minimum.at(least, faces, piece[faces].min(axis=1, keepdims=True))
+        least = least[least]
+        if np.array_equal(least, piece):
+            return piece[faces[:, 0]]
+        piece = least
 
 
 def _outward(template: Template, faces: Faces) -> Faces:
