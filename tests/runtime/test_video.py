@@ -216,15 +216,15 @@ def test_odd_sizes_are_drawn():
 
 
 def test_speed_on_a_head_sized_mesh():
-    """14 frames a second on two idle cores with 5,900 vertices and 11,300 triangles."""
+    """At least 11 frames per second of processor time on a head; the bar is for slow machines."""
     given = clip(8, n_rings=49)
     assert 4700 < len(given.template) < 5000
     renderer = Renderer(given.template, given.offsets, given.faces, given.colours, SIZE)
-    start = time.perf_counter()
+    start = time.process_time()
     for index in range(8):
         renderer.frame(index)
-    rate = 8 / (time.perf_counter() - start)
-    print(f"\n{rate:.1f} frames a second, {len(given.faces):,} triangles")
+    rate = 8 / (time.process_time() - start)
+    print(f"\n{rate:.1f} frames per CPU second, {len(given.faces):,} triangles")
     assert rate > 3
 
 

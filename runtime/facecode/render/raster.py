@@ -21,7 +21,7 @@ Keys: TypeAlias = NDArray[np.int64]
 Int: TypeAlias = NDArray[np.int64]
 
 SMALLEST_AREA = 1e-6  # samples^2, twice the area; thinner triangles have no stable depth
-CHUNK = 1 << 15  # samples at a time: what they need stays in the cache, 2.5 times faster
+CHUNK = 1 << 15  # samples at a time: what they need stays in the cache; 62 to 42 ms a head
 _LOW_HALF = 0xFFFFFFFF
 
 
