@@ -76,6 +76,17 @@ def test_exporter_names_the_missing_extra(fresh, tmp_path):
     assert "pip install 'facecode[export]'" in done.stderr
 
 
+def test_film_names_the_missing_extra(fresh, tmp_path):
+    done = subprocess.run(
+        [fresh / "facecode", "animate", SPEECH, "--bundle", TINY, "-o", "talk.mp4"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2
+    assert done.stderr == "facecode: writing .mp4 needs av: pip install 'facecode[video]'\n"
+
+
 def test_start_up(fresh, tmp_path):
     """`import facecode` takes 0.2 s on two idle cores (bar 0.4), a short clip 0.5 s (bar 2)."""
     python = fresh / "python"

@@ -39,10 +39,16 @@ class Animation:
         """Length in seconds."""
         return len(self.codes) / self.fps
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write to `path`; the suffix picks the format (.npz). Whole or not at all.
+    def save(self, path: str | os.PathLike[str], *, progress: bool = False) -> None:
+        """Write to `path`; the suffix picks the format (.npz, .mp4). Whole or not at all.
+
+        Args:
+            path: a file; what is there is replaced.
+            progress: show a bar on stderr for formats that take their time.
 
         Raises:
             OutputSuffixError, OutputFolderError, OutputWriteError.
+            NoFacesError: .mp4 of a clip without faces.
+            MissingExtraError: .mp4 without the extra `video`.
         """
-        writers.save(self, Path(path))
+        writers.save(self, Path(path), progress)

@@ -70,7 +70,9 @@ def run_animate(args: argparse.Namespace) -> None:
         io.BytesIO(sys.stdin.buffer.read()) if args.audio == STANDARD_STREAM else Path(args.audio)
     )
     start = time.perf_counter()
-    clip = facecode.load(args.bundle, threads=args.threads).animate(
+    face = facecode.load(args.bundle, threads=args.threads)
+    writers.check_faces(output, face.bundle.faces)
+    clip = face.animate(
         audio,
         None if args.style is None else parse_style(args.style),
         mode=args.mode,
@@ -80,11 +82,11 @@ def run_animate(args: argparse.Namespace) -> None:
     )
     if to_stdout:
         buffer = io.BytesIO()  # a zip file needs to seek
-        writers.WRITERS[output.suffix](clip, buffer)
+        writers.WRITERS[output.suffix](clip, buffer, False)
         sys.stdout.buffer.write(buffer.getbuffer())
         sys.stdout.buffer.flush()
         return
-    clip.save(output)
+    clip.save(output, progress=not args.quiet)
     if not args.quiet:
         print(
             f"{output}: {len(clip.codes)} frames at {clip.fps:g} fps ({clip.duration_s:.2f} s), "

@@ -23,10 +23,13 @@ FacecodeError
     OutputSuffixError (ValueError)
     OutputFolderError (FileNotFoundError)
     OutputWriteError (OSError)         disk full, no permission
+    NoFacesError (ValueError)          a picture of a face whose triangles are not known
   MissingExtraError (ImportError)      an optional dependency is not installed
 
 Messages say what was got, what was expected and what to do next.
 """
+
+from __future__ import annotations
 
 
 class FacecodeError(Exception):
@@ -126,6 +129,18 @@ class OutputFolderError(OutputError, FileNotFoundError):
 
 class OutputWriteError(OutputError, OSError):
     """Writing failed; nothing was left behind."""
+
+
+class NoFacesError(OutputError, ValueError):
+    """The format shows a surface, and the bundle knows no triangles."""
+
+    @classmethod
+    def to_write(cls, suffix: str) -> NoFacesError:
+        """The error for a format that needs faces."""
+        return cls(
+            f"{suffix} needs faces, and this bundle has none: export it again with "
+            "--template MESH, a .ply or .obj with triangles"
+        )
 
 
 class MissingExtraError(FacecodeError, ImportError):

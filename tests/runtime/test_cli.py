@@ -78,7 +78,7 @@ def test_bench(run_cli, tmp_path):
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        (["-o", "talk.avi"], "expected one of .npz"),
+        (["-o", "talk.avi"], "expected one of .npz, .mp4"),
         (["-o", "none/talk.npz"], "create it first"),
         (["-o", "talk.npz", "--style", "d"], "no style 'd'"),
         (["-o", "talk.npz", "--style", "a:b"], "a:0.3,b:0.7"),
@@ -148,7 +148,7 @@ def test_full_disk_leaves_nothing(run_cli, tmp_path):
 
 
 def test_interrupted_writer_leaves_nothing(tiny, tmp_path, monkeypatch):
-    def interrupted(_animation, file):
+    def interrupted(_animation, file, _progress):
         file.write(b"half")
         raise KeyboardInterrupt
 
@@ -159,7 +159,7 @@ def test_interrupted_writer_leaves_nothing(tiny, tmp_path, monkeypatch):
 
 
 def test_terminated_writer_leaves_nothing(monkeypatch, tmp_path):
-    def terminated(_animation, file):
+    def terminated(_animation, file, _progress):
         file.write(b"half")
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(5)

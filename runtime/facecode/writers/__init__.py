@@ -6,15 +6,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
-from facecode.errors import OutputSuffixError
+from facecode.arrays import Faces
+from facecode.errors import NoFacesError, OutputSuffixError
 from facecode.writers.atomic import check_folder, writing
+from facecode.writers.mp4 import check_mp4, write_mp4
 from facecode.writers.npz import write_npz
 
 if TYPE_CHECKING:
     from facecode.animation import Animation
 
-Writer: TypeAlias = "Callable[[Animation, BinaryIO], None]"
-WRITERS: dict[str, Writer] = {".npz": write_npz}
+Writer: TypeAlias = "Callable[[Animation, BinaryIO, bool], None]"
+"""(animation, an open file, whether to show progress on stderr)"""
+WRITERS: dict[str, Writer] = {".npz": write_npz, ".mp4": write_mp4}
+CHECKS: dict[str, Callable[[], None]] = {".mp4": check_mp4}
+"""What a format needs that may not be installed."""
+NEED_FACES = frozenset({".mp4"})
 
 
 def check_output(path: Path) -> None:
@@ -24,6 +30,7 @@ def check_output(path: Path) -> None:
         OutputSuffixError: no writer for the suffix.
         OutputFolderError: the folder does not exist.
         OutputWriteError: the output is a folder.
+        MissingExtraError: the format needs a package that is not installed.
     """
     if path.suffix.lower() not in WRITERS:
         raise OutputSuffixError(
@@ -31,14 +38,27 @@ def check_output(path: Path) -> None:
             f"{', '.join(WRITERS)}"
         )
     check_folder(path)
+    CHECKS.get(path.suffix.lower(), lambda: None)()
 
 
-def save(animation: Animation, path: Path) -> None:
+def check_faces(path: Path, faces: Faces | None) -> None:
+    """Refuse a format that shows a surface for a face without one, before the work is done.
+
+    Raises:
+        NoFacesError
+    """
+    suffix = path.suffix.lower()
+    if faces is None and suffix in NEED_FACES:
+        raise NoFacesError.to_write(suffix)
+
+
+def save(animation: Animation, path: Path, progress: bool = False) -> None:
     """Write `animation` in the format of the suffix, whole or not at all.
 
     Raises:
-        OutputSuffixError, OutputFolderError, OutputWriteError.
+        OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, MissingExtraError.
     """
     check_output(path)
+    check_faces(path, animation.faces)
     with writing(path) as file:
-        WRITERS[path.suffix.lower()](animation, file)
+        WRITERS[path.suffix.lower()](animation, file, progress)

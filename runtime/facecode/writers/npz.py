@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from facecode.animation import Animation
 
 
-def write_npz(animation: Animation, file: BinaryIO) -> None:
-    """Write an animation to an open binary file."""
+def write_npz(animation: Animation, file: BinaryIO, progress: bool = False) -> None:  # noqa: ARG001
+    """Write an animation to an open binary file; too quick for `progress`."""
     np.savez(
         file,
         vertices=animation.vertices,

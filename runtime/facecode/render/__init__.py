@@ -1,0 +1,1 @@
+"""Pictures of a face in numpy alone: no display, no GPU, no graphics library."""
