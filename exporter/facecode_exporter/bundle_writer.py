@@ -14,8 +14,7 @@ from tqdm import tqdm
 
 from facecode.animator import Animator
 from facecode.arrays import AnyArray, Colours, Faces, Indices
-from facecode.audio import load_audio
-from facecode.bench import SPEECH
+from facecode.audio import SPEECH, load_audio
 from facecode.bundle import Bundle
 from facecode.session import Graph
 from facecode.template import load_template, read_mesh

@@ -21,6 +21,9 @@ from facecode.errors import (
     UnreadableAudioError,
 )
 
+SPEECH = Path(__file__).parent / "assets" / "speech.flac"
+"""The packaged recording; see LICENSE-speech.txt beside it."""
+
 AudioSource: TypeAlias = "str | os.PathLike[str] | BinaryIO | AnyArray"
 
 

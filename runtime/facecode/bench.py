@@ -19,10 +19,9 @@ import numpy as np
 
 from facecode.animator import HEAD_CHUNK, Animator
 from facecode.arrays import AnyArray, Audio, Float32
-from facecode.audio import load_audio
+from facecode.audio import SPEECH, load_audio
 from facecode.session import ONNXRUNTIME_VERSION, Graph
 
-SPEECH = Path(__file__).parent / "assets" / "speech.flac"
 WARM_UP_S = 1.0
 
 

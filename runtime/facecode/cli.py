@@ -13,6 +13,7 @@ from pathlib import Path
 import facecode
 from facecode import writers
 from facecode.animator import MODES, Animator, window_frames
+from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.console import guarded
 from facecode.styles import parse_style
@@ -42,6 +43,14 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     _add_threads(animate)
     animate.add_argument("--quiet", action="store_true", help="no progress, no summary")
 
+    demo = commands.add_parser("demo", help="animate the packaged recording, to look at")
+    demo.set_defaults(run=run_demo)
+    demo.add_argument("--style", help="a name, or a mix such as a:0.3,b:0.7")
+    demo.add_argument("--template", metavar="MESH", help="an identity of the packaged bundle")
+    demo.add_argument("--out", type=Path, metavar="DIR", default=Path(), help="default: here")
+    _add_threads(demo)
+    demo.add_argument("--quiet", action="store_true", help="no progress, no summary")
+
     info = commands.add_parser("info", help="show what a bundle is")
     info.set_defaults(run=run_info)
     info.add_argument("bundle", nargs="?", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
@@ -55,7 +64,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     _add_mode(bench)
     _add_threads(bench)
 
-    for command in (animate, info, bench):
+    for command in (animate, demo, info, bench):
         command.add_argument("--debug", action="store_true", help="show the traceback of errors")
     return parser.parse_args(argv)
 
@@ -92,6 +101,23 @@ def run_animate(args: argparse.Namespace) -> None:
             f"{output}: {len(clip.codes)} frames at {clip.fps:g} fps ({clip.duration_s:.2f} s), "
             f"{clip.template.shape[0]:,} vertices, in {time.perf_counter() - start:.2f} s"
         )
+
+
+def run_demo(args: argparse.Namespace) -> None:
+    """`facecode demo`: demo.npz and demo.mp4 of the packaged recording."""
+    outputs = [args.out / "demo.npz", args.out / "demo.mp4"]
+    for output in outputs:
+        writers.check_output(output)
+    clip = facecode.load(threads=args.threads).animate(
+        SPEECH,
+        None if args.style is None else parse_style(args.style),
+        template=args.template,
+        progress=not args.quiet,
+    )
+    for output in outputs:
+        clip.save(output, progress=not args.quiet)
+        if not args.quiet:
+            print(output.resolve())
 
 
 def run_info(args: argparse.Namespace) -> None:
