@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import facecode
 from facecode.console import guarded
 from facecode.errors import MissingExtraError
+from facecode_exporter.evaluation.cli import add_parser as add_evaluate
 from facecode_spec.systems import SYSTEMS
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     verify.add_argument("--audio", type=Path, help="a recording to compare on, whole")
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
 
+    add_evaluate(commands)
     for command in (export, init, verify):
         command.add_argument("--debug", action="store_true", help="show the traceback of errors")
         command.add_argument("--quiet", action="store_true", help="no progress")
