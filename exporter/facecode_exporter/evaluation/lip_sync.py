@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -30,6 +30,7 @@ CLOSED_BELOW, OPEN_ABOVE = 0.15, 0.35  # of the full opening
 FULL_PERCENTILE = 95.0
 SHORTEST_CLOSURE_S, SHORTEST_OPENING_S, SHORTEST_SILENCE_S = 0.04, 0.06, 0.3
 SETTLE_S = 0.15  # at either end of a silence, in which the mouth may still move
+CHANCE_STEP = 5
 _GRID_S = 1e-6  # times are decimal, frames binary: 0.1 s at 30 fps is frame 3
 
 
@@ -40,6 +41,10 @@ class Verdict:
     phone: Phone
     opening: float
     met: bool
+
+
+Judge: TypeAlias = "Callable[[Iterable[Phone], Float32, float], list[Verdict]]"
+"""`closures`, `openings` or `rests`."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +136,21 @@ def rests(phones: Iterable[Phone], relative: Float32, fps: float) -> list[Verdic
         lambda part: float(part.max()),
         lambda opening: opening < CLOSED_BELOW,
     )
+
+
+def chance(judge: Judge, phones: Sequence[Phone], relative: Float32, fps: float) -> float | None:
+    """Share that `judge` would give motion of the same kind that knows nothing of these phones.
+
+    The mean share over the curve shifted in a circle by a quarter to three quarters of the clip, in
+    steps of 5 frames from n // 4 on. A mouth that moves much closes somewhere near most phones: on
+    label motion of 25 s of speech 100 % of P B M close, and by chance 53 %. None where there is
+    nothing to judge.
+    """
+    n = len(relative)
+    shifts = range(n // 4, n - n // 4 + 1, CHANCE_STEP)
+    shares = [Share.of(judge(phones, np.roll(relative, k), fps)).share for k in shifts]
+    defined = [s for s in shares if s is not None]
+    return float(np.mean(defined)) if defined else None
 
 
 def frames(start_s: float, end_s: float, fps: float, n_frames: int, around: int = 0) -> slice:

@@ -86,7 +86,7 @@ def plot_opening(clip: SpokenClip, path: Path) -> None:
 
 
 def _draw_phones(axes: Axes, clip: SpokenClip) -> None:
-    for phone in clip.recording.phones:
+    for i, phone in enumerate(clip.recording.phones):
         for names, colour, label in COLOURS:
             if phone.name in names:
                 axes.axvspan(
@@ -94,13 +94,13 @@ def _draw_phones(axes: Axes, clip: SpokenClip) -> None:
                 )
         axes.axvline(phone.start_s, ymax=0.06, color="black", lw=0.5)
         axes.text(
-            *((phone.start_s + phone.end_s) / 2, HIGHEST - 0.05, phone.name),
+            *((phone.start_s + phone.end_s) / 2, HIGHEST - 0.05 - 0.13 * (i % 2), phone.name),
             ha="center", va="top", fontsize=8, clip_on=True,
         )  # fmt: skip
-    for verdict in (*clip.closures, *clip.openings, *clip.rests):
+    for verdict in clip.verdicts:
         if not verdict.met:
             middle = (verdict.phone.start_s + verdict.phone.end_s) / 2
-            axes.plot(middle, HIGHEST - 0.35, "v", color=MISSED, label="missed", ls="none")
+            axes.plot(middle, HIGHEST - 0.42, "v", color=MISSED, label="missed", ls="none")
 
 
 def _draw_curves(axes: Axes, clip: SpokenClip) -> None:

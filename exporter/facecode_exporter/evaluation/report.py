@@ -15,7 +15,7 @@ from facecode_exporter.evaluation.distances import ScoredClip
 from facecode_exporter.evaluation.lip_sync import Share, Verdict
 from facecode_exporter.evaluation.metrics import pooled
 from facecode_exporter.evaluation.signals import LONGEST_LAG, best_lag
-from facecode_exporter.evaluation.speech import Pops, SpokenClip
+from facecode_exporter.evaluation.speech import Judged, Pops, SpokenClip
 
 ALL = "all"
 T = TypeVar("T")
@@ -59,8 +59,8 @@ def distances_plain(clips: Sequence[ScoredClip]) -> Plain:
 def speech_table(clips: Sequence[SpokenClip], unit: str) -> str:
     """Lip sync: a line for each style where there are several, and one for all."""
     unit = unit if unit.isalpha() else "unit"
-    head = ("", "P B M close", "open vowels open", "silences rest", "lag", "correlation")
-    rows: list[tuple[str, ...]] = [(*head, f"pops ({unit}/s^2)", "lip pops")]
+    head = ("", "P B M close", "open vowels open", "silences rest", "lag (frames)", "correlation")
+    rows: list[tuple[str, ...]] = [(*head, f"pops ({unit}/s^2, x reference)", "lip pops")]
     for name, group in _by_style(clips, lambda c: c.style).items():
         plain = _pooled_speech(group)
         shares = (plain[kind] for kind in ("closures", "openings", "rests"))
@@ -69,7 +69,7 @@ def speech_table(clips: Sequence[SpokenClip], unit: str) -> str:
             (
                 name,
                 *(_share_text(s) for s in shares),
-                "-" if lag is None else f"{lag:+d} frames" if lag else "0 frames",
+                "-" if lag is None else f"{lag:+d}" if lag else "0",
                 "-" if correlation is None else f"{correlation:.3f}",
                 _pops_text(plain["face_pops"]),
                 _pops_text(plain["lip_pops"]),
@@ -91,9 +91,9 @@ def speech_plain(clips: Sequence[SpokenClip]) -> Plain:
                 "n_frames": len(c.relative),
                 **_pooled_speech([c]),
                 "phones": {
-                    "closures": _verdicts(c.closures),
-                    "openings": _verdicts(c.openings),
-                    "rests": _verdicts(c.rests),
+                    "closures": _verdicts(c.closures.verdicts),
+                    "openings": _verdicts(c.openings.verdicts),
+                    "rests": _verdicts(c.rests.verdicts),
                 },
             }
             for c in clips
@@ -118,9 +118,9 @@ def _pooled_speech(clips: Sequence[SpokenClip]) -> Plain:
     lip_pops = [c.lip_pops for c in clips if c.lip_pops is not None]
     return {
         "n_clips": len(clips),
-        "closures": _share(v for c in clips for v in c.closures),
-        "openings": _share(v for c in clips for v in c.openings),
-        "rests": _share(v for c in clips for v in c.rests),
+        "closures": _share([c.closures for c in clips]),
+        "openings": _share([c.openings for c in clips]),
+        "rests": _share([c.rests for c in clips]),
         "lag_frames": None if lag is None else lag.frames,
         "correlation": None if lag is None else lag.correlation,
         "correlation_without_lag": float(np.mean(at_zero)) if at_zero else None,
@@ -129,9 +129,11 @@ def _pooled_speech(clips: Sequence[SpokenClip]) -> Plain:
     }
 
 
-def _share(verdicts: Iterable[Verdict]) -> Plain:
-    total = Share.of(verdicts)
-    return {"n": total.n, "met": total.met, "share": total.share}
+def _share(kinds: Sequence[Judged]) -> Plain:
+    total = Share.of(v for judged in kinds for v in judged.verdicts)
+    by_chance = sum(len(judged.verdicts) * (judged.chance or 0) for judged in kinds)
+    chance = by_chance / total.n if total.n else None
+    return {"n": total.n, "met": total.met, "share": total.share, "chance": chance}
 
 
 def _median_pops(pops: Sequence[Pops]) -> Plain:
@@ -166,11 +168,13 @@ def _by_style(clips: Sequence[T], style: Callable[[T], str]) -> dict[str, list[T
 
 
 def _share_text(share: Plain) -> str:
-    return "-" if share["share"] is None else f"{100 * share['share']:.1f} % of {share['n']}"
+    if share["share"] is None:
+        return "-"
+    return f"{100 * share['share']:.0f} % of {share['n']} (chance {100 * share['chance']:.0f} %)"
 
 
 def _pops_text(pops: Plain) -> str:
     if pops["value"] is None:
         return "-"
-    ratio = "" if pops["ratio"] is None else f" = {pops['ratio']:.2f} x reference"
+    ratio = "" if pops["ratio"] is None else f" ({pops['ratio']:.2f} x)"
     return f"{pops['value']:.3g}{ratio}"

@@ -17,7 +17,7 @@ from facecode.arrays import Float32, Indices
 from facecode_exporter.errors import EvaluationError
 from facecode_exporter.evaluation import lip_sync
 from facecode_exporter.evaluation.distances import Progress
-from facecode_exporter.evaluation.lip_sync import Verdict
+from facecode_exporter.evaluation.lip_sync import Judge, Verdict
 from facecode_exporter.evaluation.recordings import Recording
 from facecode_exporter.evaluation.reference import Reference, ReferenceSource
 from facecode_exporter.evaluation.regions import LIPS
@@ -25,6 +25,14 @@ from facecode_exporter.evaluation.signals import Correlations, lag_correlations,
 
 FROZEN = 1e-3
 """Of the template's diagonal: a mouth that opens less (0.4 mm of a head) does not move."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The phones of one kind, and the share that motion without regard to them would meet."""
+
+    verdicts: list[Verdict]
+    chance: float | None
 
 
 @dataclass(frozen=True)
@@ -46,14 +54,19 @@ class SpokenClip:
     """(T,) opening of the mouth, 1 = full"""
     reference: Float32 | None
     """(T,) the same of the reference, where there is one"""
-    closures: list[Verdict]
-    openings: list[Verdict]
-    rests: list[Verdict]
+    closures: Judged
+    openings: Judged
+    rests: Judged
     correlations: Correlations | None
     """with the reference, of `lag_correlations`"""
     face_pops: Pops
     lip_pops: Pops | None
     """of the lips alone, where the bundle names them"""
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """All phones that were judged."""
+        return [v for kind in (self.closures, self.openings, self.rests) for v in kind.verdicts]
 
 
 def judge_speech(
@@ -101,6 +114,9 @@ def measure(
     relative = lip_sync.relative_opening(opening, frozen)
     compared = None if reference is None else lip_sync.relative_opening(reference.opening)
 
+    def judged(judge: Judge) -> Judged:
+        return Judged(judge(phones, relative, fps), lip_sync.chance(judge, phones, relative, fps))
+
     def pops_of(region: Indices | slice) -> Pops:
         value = pops(vertices[:, region], fps)
         if reference is None or reference.vertices is None:
@@ -114,9 +130,9 @@ def measure(
         fps,
         relative,
         compared,
-        lip_sync.closures(phones, relative, fps),
-        lip_sync.openings(phones, relative, fps),
-        lip_sync.rests(phones, relative, fps),
+        judged(lip_sync.closures),
+        judged(lip_sync.openings),
+        judged(lip_sync.rests),
         None if compared is None else lag_correlations(relative, compared),
         pops_of(slice(None)),
         None if lips is None else pops_of(lips),
