@@ -21,8 +21,8 @@ from facecode_exporter.evaluation.motion_files import SUFFIXES, read_motion
 from facecode_exporter.evaluation.regions import Regions, require_inside
 
 CONDITION = "_condition_"
-MOST_UNEQUAL = 1.5
-"""Prediction and truth whose lengths differ by more are at different rates."""
+MOST_UNEQUAL, SPARE_FRAMES = 1.5, 5
+"""Lengths that differ by a larger factor, and these frames, belong to different rates."""
 T = TypeVar("T")
 Progress = Callable[[Sequence[T]], Iterable[T]]
 
@@ -139,7 +139,7 @@ def _scored(take: Take, vertices: AnyArray, data: DataSet, regions: Regions) -> 
     truth, template = data.truth(take.clip), data.template(take.clip)
     require_inside(regions, len(template))
     shorter, longer = sorted((len(vertices), len(truth)))
-    if longer > MOST_UNEQUAL * shorter:
+    if longer > MOST_UNEQUAL * shorter + SPARE_FRAMES:
         raise EvaluationError(
             f"{take.clip}: {len(vertices)} frames predicted, {len(truth)} captured; expected "
             "the same rate. VOCASET's 60 fps are halved by --dataset vocaset"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ from facecode.arrays import AnyArray
 from facecode_exporter.errors import EvaluationError
 
 SUFFIXES = (".npy", ".npz")
+_UNREADABLE = (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile, zlib.error)
 
 
 def read_motion(path: Path, n_vertices: int, fps: float | None = None) -> AnyArray:
@@ -24,20 +27,22 @@ def read_motion(path: Path, n_vertices: int, fps: float | None = None) -> AnyArr
         EvaluationError: unreadable, of another shape or rate, or with values that are not finite.
     """
     try:
-        content = np.load(path, allow_pickle=False)
-        if isinstance(content, np.ndarray):
-            return _as_motion(content, n_vertices, path)
-        with content as arrays:
-            vertices, rate = arrays["vertices"], float(arrays["fps"])
-    except EvaluationError:
-        raise
-    except (OSError, ValueError, EOFError, KeyError, TypeError) as error:
+        vertices, rate = _read(path)
+    except _UNREADABLE as error:
         raise EvaluationError(
             f"{path} cannot be read: {error}; expected .npy (T, 3V), or .npz of facecode"
         ) from error
-    if fps not in (None, rate):
+    if None not in (fps, rate) and fps != rate:
         raise EvaluationError(f"{path} moves at {rate:g} fps; expected {fps:g}")
     return _as_motion(vertices, n_vertices, path)
+
+
+def _read(path: Path) -> tuple[AnyArray, float | None]:
+    content = np.load(path, allow_pickle=False)
+    if isinstance(content, np.ndarray):
+        return content, None
+    with content as arrays:
+        return arrays["vertices"], float(arrays["fps"])
 
 
 def _as_motion(array: AnyArray, n_vertices: int, path: Path) -> AnyArray:
