@@ -23,7 +23,7 @@ from facecode_exporter import parity
 from facecode_exporter.checkpoints import file_sha256
 from facecode_exporter.graphs import export_graph
 from facecode_exporter.nets.codetalker import CodeTalker
-from facecode_exporter.nets.wav2vec2 import samples_for
+from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.output_folder import replacing
 from facecode_exporter.views import (
     DecoderStepView,
@@ -105,6 +105,7 @@ def write_bundle(
     neutral: Neutral,
     sources: Mapping[str, Path],
     progress: bool = False,
+    licence: str = LICENCE,
 ) -> Manifest:
     """Export `net` to the folder `out`; on any failure `out` is as it was before.
 
@@ -121,7 +122,7 @@ def write_bundle(
             export_graph(view, spec, folder / f"{spec.name}.onnx")
             bar.update()
         _write_arrays(net, folder, neutral)
-        manifest = _manifest(net, folder, neutral, sources)
+        manifest = _manifest(net, folder, neutral, sources, licence)
         _write_manifest(folder, manifest)
         bar.set_postfix_str("parity")
         manifest = replace(manifest, parity=check_bundle(net, folder, views))
@@ -199,7 +200,11 @@ def _write_manifest(folder: Path, manifest: Manifest) -> None:
 
 
 def _manifest(
-    net: CodeTalker, folder: Path, neutral: Neutral, sources: Mapping[str, Path]
+    net: CodeTalker,
+    folder: Path,
+    neutral: Neutral,
+    sources: Mapping[str, Path],
+    licence: str,
 ) -> Manifest:
     system, part = net.system, net.part
 
@@ -249,7 +254,7 @@ def _manifest(
         sources={
             stage: SourceEntry(path.name, file_sha256(path)) for stage, path in sources.items()
         },
-        licence=LICENCE,
+        licence=licence,
     )
 
 

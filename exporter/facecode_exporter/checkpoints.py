@@ -23,6 +23,7 @@ from facecode_exporter.errors import (
 )
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.nets.sinusoid import sinusoid
+from facecode_exporter.nets.vq_autoencoder import TemporalTrunk, VQAutoencoder
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
 
@@ -56,12 +57,8 @@ def load_codetalker(system: SystemSpec, stage1: Path, stage2: Path) -> CodeTalke
         *_fill(net, second, f"stage 2, {stage2}", skip="autoencoder."),
     ]
     if problems:
-        shown = problems[:MAX_PROBLEMS_SHOWN]
-        more = len(problems) - len(shown)
         raise CheckpointError(
-            f"the checkpoints do not fit {system.name} ({len(problems)} problems):\n  "
-            + "\n  ".join(shown)
-            + (f"\n  and {more} more" if more else "")
+            f"the checkpoints do not fit {system.name}, {_listed(problems)}"
             + _other_system_hint(system, first)
         )
     return net.eval()
@@ -92,18 +89,42 @@ def read_state(path: Path) -> State:
 
 def save_codetalker(net: CodeTalker, stage1: Path, stage2: Path) -> None:
     """Write `net` as two files in the layout of the released checkpoints."""
-    first = {k: v.clone() for k, v in net.autoencoder.state_dict().items()}
-    hidden = net.part.motion_decoder.dim
-    for side in ("encoder", "decoder"):
-        first[f"{side}.{side}_pos_embedding.pe"] = sinusoid(5000, hidden)[:, None]
+    save_stage1(net.autoencoder, stage1)
+    save_stage2(net, stage2)
+
+
+def save_stage2(net: CodeTalker, stage2: Path) -> None:
+    """Write everything but the autoencoder in the layout of the released stage-2 files."""
     second = {k: v.clone() for k, v in net.state_dict().items() if not k.startswith("autoencoder.")}
-    weight = second.pop(f"{CONV}.weight")
-    second[f"{CONV}.weight_g"] = _norm_over_channels(weight)
-    second[f"{CONV}.weight_v"] = weight
+    if f"{CONV}.weight" in second:
+        weight = second.pop(f"{CONV}.weight")
+        second[f"{CONV}.weight_g"] = _norm_over_channels(weight)
+        second[f"{CONV}.weight_v"] = weight
     period = net.part.cross_modal_decoder.period
     second["PPE.pe"] = net.position_code.repeat(600 // period + 1, 1)[None]
-    for path, state in ((stage1, first), (stage2, second)):
-        torch.save({"state_dict": state}, path)
+    torch.save({"state_dict": second}, stage2)
+
+
+def save_stage1(autoencoder: VQAutoencoder, stage1: Path) -> None:
+    """Write an autoencoder in the layout of the released stage-1 files."""
+    state = {k: v.clone() for k, v in autoencoder.state_dict().items()}
+    hidden = autoencoder.decoder.constant.shape[0]
+    for side in ("encoder", "decoder"):
+        state[f"{side}.{side}_pos_embedding.pe"] = sinusoid(5000, hidden)[:, None]
+    torch.save({"state_dict": state}, stage1)
+
+
+def load_stage1(autoencoder: VQAutoencoder, stage1: Path) -> None:
+    """Fill `autoencoder` from a stage-1 file.
+
+    Raises:
+        CheckpointNotFoundError, CheckpointError.
+    """
+    state = read_state(stage1)
+    for side, trunk in (("encoder", autoencoder.encoder), ("decoder", autoencoder.decoder)):
+        _take_constant(trunk, state.pop(f"{side}.{side}_pos_embedding.pe", None))
+    if problems := _fill(autoencoder, state, f"stage 1, {stage1}"):
+        raise CheckpointError(_listed(problems))
 
 
 def file_sha256(path: Path) -> str:
@@ -156,13 +177,23 @@ def _fold_weight_norm(state: State) -> None:
 def _take_position_codes(net: CodeTalker, first: State, second: State) -> None:
     """Use the tables that the files carry, where they carry them."""
     for side, trunk in (("encoder", net.autoencoder.encoder), ("decoder", net.autoencoder.decoder)):
-        table = first.pop(f"{side}.{side}_pos_embedding.pe", None)
-        if table is not None and table.numel() and table.shape[-1] == trunk.constant.shape[0]:
-            trunk.constant.copy_(table.reshape(-1, table.shape[-1])[0])
+        _take_constant(trunk, first.pop(f"{side}.{side}_pos_embedding.pe", None))
     table = second.pop("PPE.pe", None)
     if table is not None and table.shape[-1] == net.position_code.shape[1]:
         rows = table.reshape(-1, table.shape[-1])
         net.position_code.copy_(rows[: len(net.position_code)])
+
+
+def _take_constant(trunk: TemporalTrunk, table: Tensor | None) -> None:
+    """Row 0 of a position table, which is what every frame gets."""
+    if table is not None and table.numel() and table.shape[-1] == trunk.constant.shape[0]:
+        trunk.constant.copy_(table.reshape(-1, table.shape[-1])[0])
+
+
+def _listed(problems: list[str]) -> str:
+    shown = problems[:MAX_PROBLEMS_SHOWN]
+    more = len(problems) - len(shown)
+    return "\n  ".join([f"{len(problems)} problems:", *shown, *([f"and {more} more"] * (more > 0))])
 
 
 def _fill(module: nn.Module, state: State, origin: str, skip: str = "\0") -> list[str]:

@@ -12,6 +12,7 @@ import facecode
 from facecode.console import guarded
 from facecode.errors import MissingExtraError
 from facecode_exporter.evaluation.cli import add_parser as add_evaluate
+from facecode_exporter.training.cli import add_parser as add_train_parser
 from facecode_spec.systems import SYSTEMS
 
 if TYPE_CHECKING:
@@ -49,8 +50,10 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     verify.add_argument("--audio", type=Path, help="a recording to compare on, whole")
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
 
+    train = add_train_parser(commands)
     add_evaluate(commands)
-    for command in (export, init, verify):
+
+    for command in (export, init, verify, train):
         command.add_argument("--debug", action="store_true", help="show the traceback of errors")
         command.add_argument("--quiet", action="store_true", help="no progress")
     return parser.parse_args(argv)

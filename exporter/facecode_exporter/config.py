@@ -12,7 +12,7 @@ import yaml
 from transformers import Wav2Vec2Config
 
 from facecode_exporter.errors import ConfigError
-from facecode_exporter.nets.wav2vec2 import samples_for
+from facecode_exporter.nets.speech import samples_for
 from facecode_spec.schema import (
     CodebookSpec,
     CrossModalDecoderSpec,

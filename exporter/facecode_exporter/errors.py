@@ -9,7 +9,12 @@ FacecodeError
     DataSetError                         truth that is not in the layout of VOCASET or BIWI
     RegionError                          vertex indices that are missing or do not fit the mesh
   OutputExistsError (FileExistsError)    a folder that is not ours to replace
+  DataError (ValueError)                 a data set that is not in its layout
+  RunError (ValueError)                  a training run that cannot start or go on
   ParityError (ArithmeticError)          the bundle does not compute what the network computes
+  CorpusError (ValueError)               a demo corpus, or a part of it, that cannot be used
+    HeadSourceError                      not the pinned wheel that the demo head is made from
+    AlignmentError                       words and recording do not go together
 """
 
 from facecode.errors import FacecodeError
@@ -51,3 +56,23 @@ class ParityError(FacecodeError, ArithmeticError):
     """Runtime and torch disagree beyond the stated tolerance."""
 
     exit_code = 1
+
+
+class DataError(FacecodeError, ValueError):
+    """A training data set does not have the layout or content that its name promises."""
+
+
+class RunError(FacecodeError, ValueError):
+    """A training run cannot start or go on."""
+
+
+class CorpusError(FacecodeError, ValueError):
+    """A demo corpus, or something it is made from, cannot be used."""
+
+
+class HeadSourceError(CorpusError):
+    """Not the pinned wheel that the demo head is made from."""
+
+
+class AlignmentError(CorpusError):
+    """The words cannot be placed in the recording."""

@@ -25,7 +25,7 @@ class SpecError(ValueError):
 class SpeechEncoderSpec:
     """The network from a waveform to one memory row, or two, per frame."""
 
-    family: Literal["wav2vec2"]
+    family: Literal["wav2vec2", "whisper"]
     frame_grid: FrameGrid
     """`interpolate`: features resampled to the frame rate, one memory row a frame (VOCASET).
     `pairs`: two neighbouring features a frame, an odd last feature dropped (BIWI)."""

@@ -9,7 +9,7 @@ import torch
 from facecode.animator import Animator
 from facecode.bundle import Bundle
 from facecode_exporter import bundle_writer, parity
-from facecode_exporter.nets.wav2vec2 import n_features, n_frames, samples_for
+from facecode_exporter.nets.speech import FAMILIES, n_frames, samples_for
 from facecode_exporter.random_weights import random_codetalker
 from facecode_exporter.views import DecoderStepView, MotionDecoderView
 from facecode_spec.schema import CodebookSpec
@@ -108,7 +108,7 @@ def test_manifest_reports_parity_at_several_lengths(exported):
 def test_number_of_frames_is_that_of_the_public_formula(grid):
     spec = dataclasses.replace(TINY.speech_encoder, frame_grid=grid)
     for n in (719, 720, 1040, 65_680, 131_280, 432_000):
-        features = n_features(spec, n)
+        features = FAMILIES[spec.family].n_features(spec, n)
         want = features // 2 if grid == "pairs" else int(features / 50.0 * 30)
         assert n_frames(spec, 30, n) == want
     assert n_frames(spec, 30, 65_680) == (102 if grid == "pairs" else 122)  # not 205 * 3 // 5

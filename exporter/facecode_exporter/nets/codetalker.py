@@ -14,8 +14,8 @@ import torch
 from torch import Tensor, nn
 
 from facecode_exporter.nets.sinusoid import sinusoid
+from facecode_exporter.nets.speech import FAMILIES
 from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
-from facecode_exporter.nets.wav2vec2 import Wav2Vec2
 from facecode_spec.schema import PartSpec, SystemSpec
 
 
@@ -39,8 +39,9 @@ class CodeTalker(nn.Module):
         (part,) = system.parts
         self.system, self.part = system, part
         decoder, book = part.cross_modal_decoder, part.codebook
-        self.audio_encoder = Wav2Vec2(system.speech_encoder, system.fps)
-        self.audio_feature_map = nn.Linear(self.audio_encoder.config.hidden_size, decoder.dim)
+        family = FAMILIES[system.speech_encoder.family]
+        self.audio_encoder = family(system.speech_encoder, system.fps)
+        self.audio_feature_map = nn.Linear(family.width_of(system.speech_encoder), decoder.dim)
         self.vertice_map = nn.Linear(3 * system.n_vertices, decoder.dim)
         layer = nn.TransformerDecoderLayer(
             decoder.dim, decoder.n_heads, decoder.dim_feedforward, dropout=0.0, batch_first=True

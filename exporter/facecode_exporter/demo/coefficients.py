@@ -1,0 +1,117 @@
+"""The demo head's motion in few numbers, and trained networks back to all vertices.
+
+The head moves by 52 face units, so its motion spans 52 dimensions: an orthonormal basis holds it
+without loss, and the 3V-wide layers train in a few dozen columns instead of 17,658. Distances of
+coefficients are weighted distances of vertices; lips count more than the back of the head.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from facecode.arrays import AnyArray, Audio, Float32
+from facecode_exporter.demo.corpus_files import (
+    clip_names,
+    load_clip_audio,
+    load_corpus_head,
+    load_weights,
+)
+from facecode_exporter.demo.head import Head
+from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_spec.schema import SystemSpec
+
+LIP_WEIGHT = 8.0
+"""How much more a lip vertex counts than another one in squared distances."""
+
+
+class MotionBasis:
+    """Offsets (T, 3V) to coefficients (T, 3K) and back; K "vertices" hold all of the motion."""
+
+    def __init__(self, head: Head, unit_spread: Float32) -> None:
+        """Build the basis.
+
+        Args:
+            head: the demo head.
+            unit_spread: (52,) root mean square weight of each face unit in the data, which sets
+                the unit of the coefficients: their mean square is about 1.
+        """
+        units = head.unit_offsets.reshape(len(head.unit_offsets), -1).astype(np.float64)
+        vertex_weight = np.ones(head.template.shape[0])
+        vertex_weight[head.regions["lips"]] = LIP_WEIGHT
+        self._root = np.sqrt(np.repeat(vertex_weight, 3))
+        _, _, rows = np.linalg.svd(units * self._root, full_matrices=False)
+        self.n_vertices = -(-len(rows) // 3)
+        padding = 3 * self.n_vertices - len(rows)
+        self._rows = np.pad(rows, ((0, padding), (0, 0)))
+        spread = (units * self._root) @ self._rows.T * unit_spread[:, None]
+        self._scale = float(np.sqrt(np.square(spread).sum() / len(self._rows)))
+        self._from_units = units * self._root @ self._rows.T / self._scale
+
+    def coefficients(self, unit_weights: AnyArray) -> Float32:
+        """Face-unit weights (T, 52) to coefficients (T, 3K)."""
+        return np.asarray(unit_weights @ self._from_units, dtype=np.float32)
+
+    @property
+    def encode(self) -> Tensor:
+        """(3K, 3V): coefficients = encode @ offsets."""
+        return torch.from_numpy(self._rows * self._root / self._scale)
+
+    @property
+    def decode(self) -> Tensor:
+        """(3V, 3K): offsets = decode @ coefficients."""
+        return torch.from_numpy((self._rows / self._root).T * self._scale)
+
+    def system(self, full: SystemSpec) -> SystemSpec:
+        """`full` on coefficients in place of vertices."""
+        return dataclasses.replace(full, n_vertices=self.n_vertices)
+
+    @torch.no_grad()
+    def lift(self, trained: CodeTalker, full: SystemSpec) -> CodeTalker:
+        """The network on all vertices that computes what `trained` does on coefficients.
+
+        Its weights are rounded to float16 values, the precision in which they are kept.
+        """
+        state = {k: v.double() for k, v in trained.state_dict().items()}
+        for name in ("vertice_map.weight", "autoencoder.encoder.vertice_mapping.0.weight"):
+            state[name] = state[name] @ self.encode
+        for name in ("weight", "bias"):
+            key = f"autoencoder.decoder.vertice_map_reverse.{name}"
+            state[key] = self.decode @ state[key]
+        net = CodeTalker(full)
+        net.load_state_dict({k: v.half().float() for k, v in state.items()})
+        return net.eval()
+
+
+class CorpusClips:
+    """One split of a demo corpus, motion as coefficients."""
+
+    def __init__(
+        self, corpus: Path, split: str, basis: MotionBasis, styles: tuple[str, ...]
+    ) -> None:
+        self.corpus, self.styles = corpus, styles
+        self.names = clip_names(corpus, split)
+        self._offsets = [basis.coefficients(load_weights(corpus, name)) for name in self.names]
+
+    def offsets(self, index: int) -> Float32:
+        """(T, 3K) coefficients."""
+        return self._offsets[index]
+
+    def audio(self, index: int) -> Audio:
+        """(n_samples,) at 16 kHz."""
+        return load_clip_audio(self.corpus, self.names[index])
+
+    def style(self, index: int) -> int:
+        """The style that the clip's name begins with."""
+        return self.styles.index(self.names[index].rpartition("_")[0])
+
+
+def corpus_basis(corpus: Path) -> MotionBasis:
+    """The basis of a corpus's head, in the unit of its training motion."""
+    weights = np.concatenate([load_weights(corpus, name) for name in clip_names(corpus, "train")])
+    spread = np.sqrt(np.square(weights, dtype=np.float32).mean(axis=0))
+    return MotionBasis(load_corpus_head(corpus), spread)

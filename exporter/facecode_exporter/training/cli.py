@@ -1,0 +1,135 @@
+"""`facecode-export train`: both stages, on the data sets that people hold."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from facecode_spec.schema import SystemSpec
+from facecode_spec.systems import SYSTEMS
+
+if TYPE_CHECKING:
+    from facecode_exporter.training.config import TrainingConfig
+    from facecode_exporter.training.data import Clips
+
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+LAYOUT_OF = {"codetalker-vocaset": "vocaset", "codetalker-biwi": "BIWI"}
+
+
+def add_parser(commands: Commands) -> argparse.ArgumentParser:
+    """The sub-command `train`, with `run` set."""
+    train = commands.add_parser("train", help="train a system on your data")
+    train.set_defaults(run=run_train)
+    train.add_argument("stage", choices=("stage1", "stage2"))
+    train.add_argument("--data", type=Path, required=True, metavar="DIR")
+    which = train.add_mutually_exclusive_group(required=True)
+    which.add_argument("--system", choices=sorted(LAYOUT_OF))
+    which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
+    train.add_argument(
+        "--wav2vec2-config", type=Path, metavar="JSON", help="Hugging Face config.json (base)"
+    )
+    train.add_argument("--out", type=Path, required=True, metavar="RUN", help="the run's folder")
+    train.add_argument("--stage1", type=Path, metavar="FILE", help="stage 2: the trained stage 1")
+    train.add_argument(
+        "--speech-encoder", type=Path, metavar="DIR", help="stage 2: a Hugging Face wav2vec2 folder"
+    )
+    for name, kind in (("epochs", int), ("batch-size", int), ("crop-frames", int), ("seed", int),
+                       ("learning-rate", float)):  # fmt: skip
+        train.add_argument(f"--{name}", type=kind, help="default: as published")
+    return train
+
+
+def run_train(args: argparse.Namespace) -> None:
+    """`facecode-export train`; run again with the same options, it goes on where it stopped.
+
+    Raises:
+        ConfigError, DataError, RunError, CheckpointError.
+    """
+    from facecode_exporter.errors import RunError
+    from facecode_exporter.training import config as configs
+    from facecode_exporter.training.data import LAYOUTS, FolderClips
+
+    system, layout = _system(args)
+    chosen = {
+        name: value
+        for name in ("epochs", "batch_size", "crop_frames", "seed", "learning_rate")
+        if (value := getattr(args, name)) is not None
+    }
+    defaults = (
+        configs.stage1_defaults(system.name, str(args.data), layout == "vocaset")
+        if args.stage == "stage1"
+        else configs.stage2_defaults(system.name, str(args.data))
+    )
+    config = dataclasses.replace(defaults, **chosen)
+    if args.stage == "stage2" and args.stage1 is None:
+        raise RunError("stage 2 needs --stage1, the file that stage 1 wrote")
+
+    def clips(split: str) -> Clips:
+        return FolderClips(args.data, LAYOUTS[layout], split, system.n_vertices)  # type: ignore[arg-type]
+
+    run = train_stage1 if args.stage == "stage1" else train_stage2
+    print(run(args, system, clips, config))
+
+
+def train_stage1(
+    args: argparse.Namespace,
+    system: SystemSpec,
+    clips: Callable[[str], Clips],
+    config: TrainingConfig,
+) -> Path:
+    """Train the autoencoder and write stage1.pth.tar into the run's folder."""
+    import torch
+
+    from facecode_exporter.checkpoints import save_stage1
+    from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
+    from facecode_exporter.training.run import train
+    from facecode_exporter.training.stage1 import Stage1
+
+    torch.manual_seed(config.seed)
+    net = VQAutoencoder(system.parts[0], system.n_vertices)
+    train(Stage1(net, clips("train"), clips("val"), config), config, args.out, not args.quiet)
+    out: Path = args.out / "stage1.pth.tar"
+    save_stage1(net, out)
+    return out
+
+
+def train_stage2(
+    args: argparse.Namespace,
+    system: SystemSpec,
+    clips: Callable[[str], Clips],
+    config: TrainingConfig,
+) -> Path:
+    """Train speech to codes and write stage2.pth.tar into the run's folder."""
+    import torch
+
+    from facecode_exporter.checkpoints import load_stage1, save_stage2
+    from facecode_exporter.nets.codetalker import CodeTalker
+    from facecode_exporter.training.run import train
+    from facecode_exporter.training.speech_weights import load_wav2vec2
+    from facecode_exporter.training.stage2 import Stage2
+
+    torch.manual_seed(config.seed)
+    net = CodeTalker(system)
+    torch.nn.init.zeros_(net.feat_map.weight)
+    load_stage1(net.autoencoder, args.stage1)
+    if args.speech_encoder is not None:
+        load_wav2vec2(net, args.speech_encoder)
+    train(Stage2(net, clips("train"), clips("val"), config), config, args.out, not args.quiet)
+    out: Path = args.out / "stage2.pth.tar"
+    save_stage2(net, out)
+    return out
+
+
+def _system(args: argparse.Namespace) -> tuple[SystemSpec, str]:
+    """The system and the name of its data layout."""
+    from facecode_exporter.config import FORMS, system_from_config
+
+    if args.config is None:
+        return SYSTEMS[args.system], LAYOUT_OF[args.system]
+    system = system_from_config(args.config, args.wav2vec2_config)
+    layout = next(name for name, form in FORMS.items() if form.name == system.name)
+    return system, layout

@@ -1,0 +1,78 @@
+"""What a training run does, saved beside its results as config.json."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from facecode_exporter.errors import ConfigError
+from facecode_spec.schema import SpecError, from_plain, to_plain
+
+CONFIG_FILE = "config.json"
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Defaults are the paper's (section 4.1), or the public code's where it is silent."""
+
+    stage: Literal["stage1", "stage2"]
+    system: str
+    data: str
+    epochs: int
+    seed: int = 0
+    learning_rate: float = 1e-4
+    halve_every: int | None = None
+    """Epochs after which the learning rate is halved; null: constant."""
+    weight_decay: float = 0.0
+    batch_size: int = 1
+    crop_frames: int | None = None
+    """Longest stretch of a clip that a batch sees; null: whole clips."""
+    commitment: float = 0.25
+    """Stage 1: weight of the commitment term."""
+    revive_codes: bool = False
+    """Stage 1: codes that an epoch did not use restart at features of the data. Not in the paper;
+    keeps a codebook in use when the data is small."""
+    reg_weight: float = 1.0
+    """Stage 2: weight of the feature term."""
+    motion_weight: float = 1.0
+    """Stage 2: weight of the vertex term."""
+    history_dropout: float = 0.0
+    """Stage 2: share of past frames that are hidden from the decoder. Not in the paper; makes it
+    lean on the speech rather than on its own past."""
+    fine_tune_speech: bool = True
+    """Stage 2: train the speech encoder's transformer too; its convolutions stay frozen."""
+
+    def save(self, folder: Path) -> None:
+        """Write config.json into `folder`."""
+        (folder / CONFIG_FILE).write_text(json.dumps(to_plain(self), indent=1) + "\n")
+
+    @classmethod
+    def load(cls, folder: Path) -> TrainingConfig:
+        """Read config.json.
+
+        Raises:
+            ConfigError
+        """
+        try:
+            return from_plain(cls, json.loads((folder / CONFIG_FILE).read_text()))
+        except (OSError, ValueError, SpecError) as error:
+            raise ConfigError(f"{folder / CONFIG_FILE} cannot be used: {error}") from error
+
+
+def stage1_defaults(system: str, data: str, vocaset: bool) -> TrainingConfig:
+    """The published setting of stage 1."""
+    return TrainingConfig(
+        stage="stage1",
+        system=system,
+        data=data,
+        epochs=200,
+        halve_every=20 if vocaset else None,
+        weight_decay=0.01,  # AdamW's default, which the public code leaves
+    )
+
+
+def stage2_defaults(system: str, data: str) -> TrainingConfig:
+    """The published setting of stage 2."""
+    return TrainingConfig(stage="stage2", system=system, data=data, epochs=100)

@@ -1,0 +1,159 @@
+"""The epoch loop: progress, loss curves, checkpoints, resuming.
+
+Randomness is drawn from (seed, epoch) alone and a checkpoint is written after every epoch, so a run
+that was interrupted and resumed gives the weights of one that was not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from facecode_exporter.errors import RunError
+from facecode_exporter.training.config import CONFIG_FILE, TrainingConfig
+
+CHECKPOINT, CURVES = "checkpoint.pt", "losses.csv"
+
+
+class Stage(Protocol):
+    """What the loop needs of a stage."""
+
+    @property
+    def terms(self) -> Sequence[str]:
+        """Names of the loss terms."""
+
+    @property
+    def trained(self) -> nn.Module:
+        """Everything that a checkpoint holds."""
+
+    def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
+        """(loss, terms) of every training batch."""
+
+    def end_epoch(self, rng: np.random.Generator) -> None:
+        """After the last batch."""
+
+    def validate(self) -> list[float]:
+        """Loss terms on the validation split."""
+
+
+def train(stage: Stage, config: TrainingConfig, folder: Path, progress: bool = False) -> None:
+    """Train for `config.epochs`, going on from a checkpoint in `folder` if there is one.
+
+    Raises:
+        RunError: `folder` holds a run with another configuration.
+    """
+    _claim(folder, config)
+    parameters = [p for p in stage.trained.parameters() if p.requires_grad]
+    optimizer = torch.optim.AdamW(
+        parameters, lr=config.learning_rate, weight_decay=config.weight_decay
+    )
+    first = _resume(folder, stage, optimizer)
+    for epoch in range(first, config.epochs):
+        rate = config.learning_rate
+        if config.halve_every is not None:
+            rate *= 0.5 ** (epoch // config.halve_every)
+        for group in optimizer.param_groups:
+            group["lr"] = rate
+        rng = np.random.default_rng((config.seed, epoch))
+        torch.manual_seed(config.seed * 1_000_003 + epoch)
+        terms = _epoch(stage, optimizer, rng, f"epoch {epoch + 1}/{config.epochs}", progress)
+        stage.end_epoch(rng)
+        _note(folder, stage, epoch, terms, stage.validate())
+        _save(folder, stage, optimizer, epoch + 1)
+
+
+def _epoch(
+    stage: Stage,
+    optimizer: torch.optim.Optimizer,
+    rng: np.random.Generator,
+    name: str,
+    progress: bool,
+) -> list[float]:
+    sums = np.zeros(len(stage.terms))
+    n_batches = 0
+    stage.trained.train()
+    with tqdm(stage.epoch(rng), desc=name, unit="batch", disable=not progress) as bar:
+        for loss, terms in bar:
+            optimizer.zero_grad(set_to_none=True)
+            loss.backward()
+            optimizer.step()
+            sums += [float(t.detach()) for t in terms]
+            n_batches += 1
+            if n_batches % 20 == 0:
+                bar.set_postfix_str(f"loss {float(loss.detach()):.4g}")
+    return list(sums / max(n_batches, 1))
+
+
+def _claim(folder: Path, config: TrainingConfig) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    if (folder / CONFIG_FILE).is_file():
+        before = TrainingConfig.load(folder)
+        if before != config:
+            raise RunError(
+                f"{folder} holds a run with another configuration; name another folder, or the "
+                f"same options as in {folder / CONFIG_FILE}"
+            )
+    config.save(folder)
+
+
+def _resume(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer) -> int:
+    file = folder / CHECKPOINT
+    if not file.is_file():
+        return 0
+    saved = torch.load(file, weights_only=True)
+    stage.trained.load_state_dict(saved["trained"])
+    optimizer.load_state_dict(saved["optimizer"])
+    return int(saved["epoch"])
+
+
+def _save(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer, epoch: int) -> None:
+    state = {
+        "trained": stage.trained.state_dict(),
+        "optimizer": optimizer.state_dict(),
+        "epoch": epoch,
+    }
+    part = folder / f"{CHECKPOINT}.part"
+    torch.save(state, part)
+    part.replace(folder / CHECKPOINT)
+
+
+def _note(
+    folder: Path, stage: Stage, epoch: int, train_terms: list[float], val_terms: list[float]
+) -> None:
+    """Append the epoch to the curves; an epoch that is run again after an interrupt stands once."""
+    header = ["epoch", *(f"train_{t}" for t in stage.terms), *(f"val_{t}" for t in stage.terms)]
+    file = folder / CURVES
+    rows = []
+    if file.is_file():
+        rows = [row for row in csv.reader(file.open()) if row[0].isdigit() and int(row[0]) <= epoch]
+    rows.append([str(epoch + 1), *(f"{v:.6g}" for v in (*train_terms, *val_terms))])
+    with file.open("w", newline="") as out:
+        csv.writer(out).writerows([header, *rows])
+    with contextlib.suppress(ModuleNotFoundError):
+        plot_curves(file, file.with_suffix(".png"))
+
+
+def plot_curves(curves: Path, picture: Path) -> None:
+    """Draw losses.csv, one panel a term, training and validation; needs matplotlib."""
+    from matplotlib.figure import Figure
+
+    with curves.open() as file:
+        rows = list(csv.DictReader(file))
+    terms = [name.removeprefix("train_") for name in rows[0] if name.startswith("train_")]
+    figure = Figure(figsize=(4 * len(terms), 3), layout="constrained")
+    for i, term in enumerate(terms):
+        axes = figure.add_subplot(1, len(terms), i + 1)
+        for split in ("train", "val"):
+            values = [float(row[f"{split}_{term}"]) for row in rows]
+            axes.plot([int(row["epoch"]) for row in rows], values, label=split)
+        axes.set(title=term, xlabel="epoch", yscale="log")
+        axes.legend()
+    figure.savefig(picture, dpi=100)

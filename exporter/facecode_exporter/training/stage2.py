@@ -1,0 +1,115 @@
+"""Stage 2: speech to code features, teacher forced, the motion prior frozen (section 3.3).
+
+Token 0 is the style embedding alone, as it is when the system is used; the public training code
+adds the embedding of a zero motion there, which differs by that layer's bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from facecode.audio import normalise
+from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.nets.speech import n_frames
+from facecode_exporter.training.config import TrainingConfig
+from facecode_exporter.training.data import Clips, batches
+from facecode_exporter.training.losses import stage2_terms, straight_through
+
+
+class Stage2:
+    """Trains everything but the autoencoder."""
+
+    terms = ("motion", "features")
+
+    def __init__(self, net: CodeTalker, train: Clips, val: Clips, config: TrainingConfig) -> None:
+        self.net, self.config = net, config
+        self.trained: nn.Module = net
+        net.autoencoder.requires_grad_(False)
+        net.audio_encoder.requires_grad_(config.fine_tune_speech)
+        for name, parameter in net.audio_encoder.named_parameters():
+            if "conv" in name and "pos_conv" not in name:
+                parameter.requires_grad_(False)
+        self.splits = {"train": train, "val": val}
+        self._speech: dict[tuple[str, int], Tensor] = {}
+        self._lengths = {split: self._frames(clips) for split, clips in self.splits.items()}
+
+    def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
+        """(loss, terms) of every batch."""
+        self.net.autoencoder.eval()
+        if not self.config.fine_tune_speech:
+            self.net.audio_encoder.eval()
+        lengths = self._lengths["train"]
+        for group in batches(lengths, self.config.batch_size, self.config.crop_frames, rng):
+            terms = self._terms("train", group)
+            yield self.config.motion_weight * terms[0] + self.config.reg_weight * terms[1], terms
+
+    def end_epoch(self, rng: np.random.Generator) -> None:
+        """Nothing to do."""
+
+    @torch.no_grad()
+    def validate(self) -> list[float]:
+        """Teacher-forced terms over the validation clips, each frame counting the same."""
+        self.net.eval()
+        sums, n_frames = np.zeros(len(self.terms)), 0
+        for i, length in enumerate(self._lengths["val"]):
+            sums += [length * float(t) for t in self._terms("val", [(i, 0, length)])]
+            n_frames += length
+        return list(sums / n_frames)
+
+    def _terms(self, split: str, group: list[tuple[int, int, int]]) -> list[Tensor]:
+        net, clips = self.net, self.splits[split]
+        offsets = torch.stack(
+            [torch.from_numpy(clips.offsets(i)[start : start + n]) for i, start, n in group]
+        )
+        memory = torch.stack([self._memory(split, i, start, n) for i, start, n in group])
+        styles = torch.tensor([clips.style(i) for i, _, _ in group])
+        with torch.no_grad():
+            true_features = net.autoencoder.encoder(offsets)
+            true_vectors = net.autoencoder.quantize.look_up(net.autoencoder.quantize(true_features))
+        features = net.features(self._tokens(offsets, styles), net.audio_feature_map(memory))
+        vectors = net.autoencoder.quantize.look_up(net.autoencoder.quantize(features))
+        decoded = net.autoencoder.decoder(straight_through(features, vectors))
+        return stage2_terms(offsets, decoded, features, true_vectors)
+
+    def _tokens(self, offsets: Tensor, styles: Tensor) -> Tensor:
+        """Style, then the true motion one frame late: (B, T, D)."""
+        style = self.net.learnable_style_emb(styles)[:, None]
+        past = self.net.vertice_map(offsets[:, :-1])
+        if self.net.training and self.config.history_dropout > 0:
+            kept = torch.rand(past.shape[:2]) >= self.config.history_dropout
+            past = past * kept[..., None]
+        return torch.cat([style, past + style], dim=1)
+
+    def _memory(self, split: str, index: int, start: int, n_frames: int) -> Tensor:
+        """Speech rows of the frames [start, start + n_frames): (n_frames * rows, width)."""
+        rows = self.net.system.speech_encoder.memory_rows_per_frame
+        if self.config.fine_tune_speech:
+            speech = self._encode(split, index)
+        else:
+            if (split, index) not in self._speech:
+                with torch.no_grad():
+                    self._speech[split, index] = self._encode(split, index).half()
+            speech = self._speech[split, index].float()
+        return speech[start * rows : (start + n_frames) * rows]
+
+    def _encode(self, split: str, index: int) -> Tensor:
+        audio = self.splits[split].audio(index)
+        if self.net.system.speech_encoder.normalise:
+            audio = normalise(audio)
+        speech: Tensor = self.net.audio_encoder(torch.from_numpy(audio)[None])[0]
+        return speech
+
+    def _frames(self, clips: Clips) -> list[int]:
+        """Frames that both the motion and the speech of each clip have."""
+        system = self.net.system
+        return [
+            min(
+                len(clips.offsets(i)),
+                n_frames(system.speech_encoder, system.fps, len(clips.audio(i))),
+            )
+            for i in range(len(clips.names))
+        ]

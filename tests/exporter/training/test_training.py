@@ -1,0 +1,202 @@
+"""Both stages on tiny folders in the public layouts, from the command line to a bundle."""
+
+import csv
+import json
+import pickle
+
+import numpy as np
+import pytest
+import soundfile
+import torch
+import yaml
+from conftest import DATA, SPEECH
+
+import facecode
+from facecode_exporter.cli import main
+from facecode_exporter.config import system_from_config
+from facecode_exporter.errors import DataError
+from facecode_exporter.training import run
+from facecode_exporter.training.data import LAYOUTS, FolderClips, batches, read_templates
+from facecode_exporter.training.losses import straight_through
+
+FORMS = {"vocaset": (2, "sentence{:02d}"), "BIWI": (1, "e{:02d}")}
+
+
+def make_folder(root, form, n_vertices):
+    """A data set of a few short clips, at the rate and under the names of the real one."""
+    rng = np.random.default_rng(0)
+    layout, (keep_every, sentence) = LAYOUTS[form], FORMS[form]
+    for folder in ("vertices_npy", "wav"):
+        (root / folder).mkdir(parents=True)
+    samples, rate = soundfile.read(SPEECH, dtype="float32")
+    subjects = set(layout.train_subjects[:2]) | set(layout.subjects("val"))
+    templates = {s: rng.standard_normal((n_vertices, 3)) for s in subjects}
+    (root / "templates.pkl").write_bytes(pickle.dumps(templates, protocol=2))
+    fps = 30 if form == "vocaset" else 25
+    for subject in sorted(subjects):
+        for number in (1, 21, 33):
+            n_frames = 20 + number % 3
+            time = np.arange(n_frames * keep_every)[:, None] / fps / keep_every
+            motion = np.sin(8 * time + np.arange(3 * n_vertices)) / 5
+            name = f"{subject}_{sentence.format(number)}"
+            np.save(root / "vertices_npy" / f"{name}.npy", motion + templates[subject].ravel())
+            n_samples = int((n_frames + 2) * rate / fps)
+            soundfile.write(root / "wav" / f"{name}.wav", samples[:n_samples], rate)
+    return root
+
+
+@pytest.fixture(scope="module", params=FORMS)
+def data(request, tmp_path_factory):
+    """(folder, options that name the small system)."""
+    form = request.param
+    case = DATA / f"codetalker-{form.lower()}-tiny"
+    root = tmp_path_factory.mktemp(form)
+    config = yaml.safe_load((case / "config.yaml").read_text())
+    config["DATA"]["train_subjects"] = " ".join(LAYOUTS[form].train_subjects)
+    (root / "config.yaml").write_text(yaml.safe_dump(config))
+    options = [
+        "--config",
+        str(root / "config.yaml"),
+        "--wav2vec2-config",
+        str(case / "wav2vec2.json"),
+    ]
+    system = system_from_config(root / "config.yaml", case / "wav2vec2.json")
+    make_folder(root / "data", form, system.n_vertices)
+    return root / "data", options, system
+
+
+def train(data, out, stage, *more):
+    folder, options, _ = data
+    args = ["train", stage, "--data", str(folder), *options, "--out", str(out), "--quiet"]
+    return main([*args, *more])
+
+
+def test_layouts(data):
+    folder, _, system = data
+    form = "BIWI" if system.fps == 25 else "vocaset"
+    clips = {s: FolderClips(folder, LAYOUTS[form], s, system.n_vertices) for s in ("train", "val")}
+    train_clips, val_clips = clips["train"], clips["val"]
+    assert len(train_clips.names) == (6 if form == "vocaset" else 12)
+    assert not set(train_clips.names) & set(val_clips.names)
+    assert train_clips.offsets(0).shape == (21, 3 * system.n_vertices)
+    assert abs(train_clips.offsets(0)).max() <= 0.2001
+    styles = {train_clips.style(i) for i in range(len(train_clips.names))}
+    assert styles == set(range(2 if form == "vocaset" else 6))
+    assert train_clips.audio(0).dtype == np.float32
+
+
+def test_both_stages_then_export_and_animate(data, tmp_path, capsys):
+    assert train(data, tmp_path / "one", "stage1", "--epochs", "3") == 0
+    stage1 = tmp_path / "one" / "stage1.pth.tar"
+    assert capsys.readouterr().out.strip() == str(stage1)
+    more = ["--epochs", "2", "--batch-size", "2", "--crop-frames", "15"]
+    assert train(data, tmp_path / "two", "stage2", "--stage1", str(stage1), *more) == 0
+    stage2 = tmp_path / "two" / "stage2.pth.tar"
+    with (tmp_path / "one" / "losses.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["epoch"] for row in rows] == ["1", "2", "3"]
+    assert float(rows[-1]["train_reconstruction"]) < float(rows[0]["train_reconstruction"])
+    assert json.loads((tmp_path / "two" / "config.json").read_text())["crop_frames"] == 15
+    checkpoints = ["--stage1", str(stage1), "--stage2", str(stage2), "--quiet"]
+    bundle = tmp_path / "bundle"
+    assert main(["export", *data[1], *checkpoints, "--out", str(bundle)]) == 0
+    assert len(facecode.load(bundle).animate(SPEECH).codes) > 100
+
+
+@pytest.mark.parametrize("stage", ["stage1", "stage2"])
+def test_interrupted_and_resumed_is_uninterrupted(data, tmp_path, monkeypatch, stage):
+    more = ["--epochs", "3"]
+    if stage == "stage2":
+        assert train(data, tmp_path / "prior", "stage1", "--epochs", "1") == 0
+        more += ["--stage1", str(tmp_path / "prior" / "stage1.pth.tar")]
+    assert train(data, tmp_path / "whole", stage, *more) == 0
+    real, calls = run._epoch, []
+
+    def interrupted(*args, **kwargs):
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return real(*args, **kwargs)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "_epoch", interrupted)
+        assert train(data, tmp_path / "cut", stage, *more) == 130
+    assert not (tmp_path / "cut" / f"{stage}.pth.tar").exists()
+    assert train(data, tmp_path / "cut", stage, *more) == 0
+    whole, cut = (
+        torch.load(tmp_path / n / f"{stage}.pth.tar", weights_only=True)["state_dict"]
+        for n in ("whole", "cut")
+    )
+    for name, value in whole.items():
+        assert torch.equal(cut[name], value), name
+    curves = [(tmp_path / n / "losses.csv").read_text() for n in ("whole", "cut")]
+    assert curves[0] == curves[1]
+
+
+def test_another_configuration_is_refused(data, tmp_path, capsys):
+    assert train(data, tmp_path / "run", "stage1", "--epochs", "1") == 0
+    assert train(data, tmp_path / "run", "stage1", "--epochs", "1", "--seed", "7") == 2
+    assert "another configuration" in capsys.readouterr().err
+
+
+def test_pretrained_speech_encoder(data, tmp_path, capsys):
+    from transformers import Wav2Vec2Config, Wav2Vec2Model
+
+    system = data[2]
+    config = Wav2Vec2Config(**system.speech_encoder.architecture)
+    source = Wav2Vec2Model(config)
+    source.save_pretrained(tmp_path / "hf")
+    assert train(data, tmp_path / "one", "stage1", "--epochs", "1") == 0
+    stage1 = str(tmp_path / "one" / "stage1.pth.tar")
+    more = ["--epochs", "1", "--learning-rate", "1e-12", "--stage1", stage1]
+    out = tmp_path / "two"
+    assert train(data, out, "stage2", *more, "--speech-encoder", str(tmp_path / "hf")) == 0
+    state = torch.load(out / "stage2.pth.tar", weights_only=True)["state_dict"]
+    for name, value in source.state_dict().items():
+        if "pos_conv" not in name and name != "masked_spec_embed":
+            torch.testing.assert_close(state[f"audio_encoder.{name}"], value, rtol=0, atol=1e-6)
+    capsys.readouterr()
+    assert train(data, tmp_path / "x", "stage2", *more, "--speech-encoder", str(tmp_path)) == 2
+    assert "no Hugging Face folder" in capsys.readouterr().err
+
+
+def test_gradient_passes_the_quantiser():
+    features = torch.randn(3, 4, requires_grad=True)
+    vectors = torch.randn(3, 4)
+    out = straight_through(features, vectors)
+    torch.testing.assert_close(out, vectors)
+    (out * 2).sum().backward()
+    torch.testing.assert_close(features.grad, torch.full((3, 4), 2.0))
+
+
+def test_batches_cover_every_clip_once():
+    lengths = [5, 9, 7, 30, 12]
+    epoch = batches(lengths, 2, 8, np.random.default_rng(0))
+    seen = [i for batch in epoch for i, _, _ in batch]
+    assert sorted(seen) == [0, 1, 2, 3, 4]
+    for batch in epoch:
+        assert len({n for _, _, n in batch}) == 1
+        assert all(start + n <= lengths[i] and n <= 8 for i, start, n in batch)
+
+
+class Malice:
+    def __reduce__(self):
+        return print, ("code from a pickle ran",)
+
+
+@pytest.mark.parametrize("content", [b"", b"x", pickle.dumps({"a": Malice()}), pickle.dumps([1])])
+def test_templates_that_are_none(tmp_path, capsys, content):
+    (tmp_path / "templates.pkl").write_bytes(content)
+    with pytest.raises(DataError):
+        read_templates(tmp_path / "templates.pkl")
+    assert "ran" not in capsys.readouterr().out
+
+
+def test_folders_that_are_none(tmp_path):
+    with pytest.raises(DataError, match="has no vertices_npy"):
+        FolderClips(tmp_path, LAYOUTS["BIWI"], "train", 5)
+    make_folder(tmp_path / "d", "vocaset", 5)
+    with pytest.raises(DataError, match="this system has 6"):
+        FolderClips(tmp_path / "d", LAYOUTS["vocaset"], "train", 6).offsets(0)
+    with pytest.raises(DataError, match="no clip of the train split"):
+        FolderClips(tmp_path / "d", LAYOUTS["BIWI"], "train", 5)
