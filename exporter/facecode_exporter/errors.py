@@ -5,6 +5,9 @@ FacecodeError
   CheckpointError (ValueError)           keys or shapes that do not fit the system
     SwappedCheckpointsError              stage 1 given as stage 2 and the reverse
   CheckpointNotFoundError (FileNotFoundError)
+  EvaluationError (ValueError)           motion or recordings that cannot be scored
+    DataSetError                         truth that is not in the layout of VOCASET or BIWI
+    RegionError                          vertex indices that are missing or do not fit the mesh
   OutputExistsError (FileExistsError)    a folder that is not ours to replace
   DataError (ValueError)                 a data set that is not in its layout
   RunError (ValueError)                  a training run that cannot start or go on
@@ -31,6 +34,18 @@ class SwappedCheckpointsError(CheckpointError):
 
 class CheckpointNotFoundError(FacecodeError, FileNotFoundError):
     """No file at the given path."""
+
+
+class EvaluationError(FacecodeError, ValueError):
+    """Predictions or recordings cannot be scored."""
+
+
+class DataSetError(EvaluationError):
+    """The data set is not in the layout of VOCASET or BIWI."""
+
+
+class RegionError(EvaluationError):
+    """A region is missing, or names vertices that the mesh does not have."""
 
 
 class OutputExistsError(FacecodeError, FileExistsError):

@@ -1,0 +1,1 @@
+"""How good is the motion? Distances to captured faces, and lip sync that needs no capture."""
