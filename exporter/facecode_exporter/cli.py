@@ -34,7 +34,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
 
     export = commands.add_parser("export", help="checkpoint files to a bundle")
     export.set_defaults(run=run_export)
-    _add_checkpoints(export)
+    _add_checkpoints(export, system_required=True)
     export.add_argument("--template", type=Path, metavar="MESH", help=".ply, .obj or .npy (V, 3)")
     export.add_argument("--precision", choices=("fp32",), default="fp32")
     export.add_argument("--out", type=Path, required=True, metavar="DIR")
@@ -48,7 +48,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     verify = commands.add_parser("verify", help="compare a bundle with torch")
     verify.set_defaults(run=run_verify)
     verify.add_argument("bundle", type=Path, metavar="DIR")
-    _add_checkpoints(verify)
+    _add_checkpoints(verify, system_required=False)
     verify.add_argument("--audio", type=Path, help="a recording to compare on, whole")
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
 
@@ -131,10 +131,10 @@ def _with_extra(args: argparse.Namespace) -> None:
         ) from error
 
 
-def _add_checkpoints(parser: argparse.ArgumentParser) -> None:
+def _add_checkpoints(parser: argparse.ArgumentParser, system_required: bool) -> None:
     parser.add_argument("--stage1", type=Path, required=True, metavar="FILE")
     parser.add_argument("--stage2", type=Path, required=True, metavar="FILE")
-    which = parser.add_mutually_exclusive_group(required=parser.prog.endswith("export"))
+    which = parser.add_mutually_exclusive_group(required=system_required)
     which.add_argument("--system", choices=sorted(SYSTEMS))
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
     parser.add_argument(

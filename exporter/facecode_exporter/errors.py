@@ -9,7 +9,6 @@ FacecodeError
     DataSetError                         truth that is not in the layout of VOCASET or BIWI
     RegionError                          vertex indices that are missing or do not fit the mesh
   OutputExistsError (FileExistsError)    a folder that is not ours to replace
-  DataError (ValueError)                 a data set that is not in its layout
   RunError (ValueError)                  a training run that cannot start or go on
   ParityError (ArithmeticError)          the bundle does not compute what the network computes
   CorpusError (ValueError)               a demo corpus, or a part of it, that cannot be used
@@ -56,10 +55,6 @@ class ParityError(FacecodeError, ArithmeticError):
     """Runtime and torch disagree beyond the stated tolerance."""
 
     exit_code = 1
-
-
-class DataError(FacecodeError, ValueError):
-    """A training data set does not have the layout or content that its name promises."""
 
 
 class RunError(FacecodeError, ValueError):

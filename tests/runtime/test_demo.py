@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from conftest import SPEECH
 
 import facecode
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.errors import StyleError
-
-from conftest import SPEECH
 
 
 @pytest.fixture(scope="module")

@@ -65,7 +65,10 @@ LAYOUTS: Mapping[str, Layout] = {
         fps=_VOCASET.fps,
         every=2,
         seen=_VOCASET.styles,
-        splits={name: Split(who, range(21, 41)) for name, who in _VOCASET_HELD_OUT.items()},
+        splits={
+            **{name: Split(who, range(21, 41)) for name, who in _VOCASET_HELD_OUT.items()},
+            "train": Split(_VOCASET.styles, range(1, 41)),
+        },
     ),
     "biwi": Layout(
         fps=_BIWI.fps,
@@ -74,6 +77,7 @@ LAYOUTS: Mapping[str, Layout] = {
             "test-a": Split(_BIWI.styles, range(37, 41)),
             "test-b": Split(_BIWI_UNSEEN, range(37, 41)),
             "validation": Split(_BIWI.styles, range(33, 37)),
+            "train": Split(_BIWI.styles, range(1, 33)),
         },
     ),
     "plain": Layout(),

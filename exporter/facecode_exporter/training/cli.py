@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
-LAYOUT_OF = {"codetalker-vocaset": "vocaset", "codetalker-biwi": "BIWI"}
+LAYOUT_OF = {"codetalker-vocaset": "vocaset", "codetalker-biwi": "biwi"}
 
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:
@@ -47,11 +47,11 @@ def run_train(args: argparse.Namespace) -> None:
     """`facecode-export train`; run again with the same options, it goes on where it stopped.
 
     Raises:
-        ConfigError, DataError, RunError, CheckpointError.
+        ConfigError, DataSetError, RunError, CheckpointError.
     """
     from facecode_exporter.errors import RunError
     from facecode_exporter.training import config as configs
-    from facecode_exporter.training.data import LAYOUTS, FolderClips
+    from facecode_exporter.training.data import FolderClips
 
     system, layout = _system(args)
     chosen = {
@@ -69,7 +69,7 @@ def run_train(args: argparse.Namespace) -> None:
         raise RunError("stage 2 needs --stage1, the file that stage 1 wrote")
 
     def clips(split: str) -> Clips:
-        return FolderClips(args.data, LAYOUTS[layout], split, system.n_vertices)  # type: ignore[arg-type]
+        return FolderClips(args.data, layout, split, system.n_vertices)
 
     run = train_stage1 if args.stage == "stage1" else train_stage2
     print(run(args, system, clips, config))
@@ -91,7 +91,9 @@ def train_stage1(
 
     torch.manual_seed(config.seed)
     net = VQAutoencoder(system.parts[0], system.n_vertices)
-    train(Stage1(net, clips("train"), clips("val"), config), config, args.out, not args.quiet)
+    train(
+        Stage1(net, clips("train"), clips("validation"), config), config, args.out, not args.quiet
+    )
     out: Path = args.out / "stage1.pth.tar"
     save_stage1(net, out)
     return out
@@ -118,7 +120,9 @@ def train_stage2(
     load_stage1(net.autoencoder, args.stage1)
     if args.speech_encoder is not None:
         load_wav2vec2(net, args.speech_encoder)
-    train(Stage2(net, clips("train"), clips("val"), config), config, args.out, not args.quiet)
+    train(
+        Stage2(net, clips("train"), clips("validation"), config), config, args.out, not args.quiet
+    )
     out: Path = args.out / "stage2.pth.tar"
     save_stage2(net, out)
     return out
@@ -126,10 +130,9 @@ def train_stage2(
 
 def _system(args: argparse.Namespace) -> tuple[SystemSpec, str]:
     """The system and the name of its data layout."""
-    from facecode_exporter.config import FORMS, system_from_config
+    from facecode_exporter.config import system_from_config
 
     if args.config is None:
         return SYSTEMS[args.system], LAYOUT_OF[args.system]
     system = system_from_config(args.config, args.wav2vec2_config)
-    layout = next(name for name, form in FORMS.items() if form.name == system.name)
-    return system, layout
+    return system, LAYOUT_OF[system.name]
