@@ -76,8 +76,3 @@ def test_mistakes(tiny):
         tiny.animate(SPEECH, mode="fast")
     with pytest.raises(ValueError, match="0 threads"):
         facecode.load(TINY, threads=0)
-
-
-def test_no_packaged_model_yet():
-    with pytest.raises(facecode.FacecodeError, match="name a bundle folder"):
-        facecode.load()

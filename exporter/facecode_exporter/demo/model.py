@@ -57,12 +57,12 @@ def stage2_config(corpus: Path) -> TrainingConfig:
         stage="stage2",
         system=SPEC.name,
         data=corpus.name,
-        epochs=30,
-        learning_rate=5e-4,
-        halve_every=8,
+        epochs=24,
+        learning_rate=7e-4,
+        halve_every=6,
         batch_size=16,
         crop_frames=120,
-        history_dropout=0.3,
+        own_history=True,
         fine_tune_speech=False,
     )
 

@@ -38,9 +38,10 @@ class TrainingConfig:
     """Stage 2: weight of the feature term."""
     motion_weight: float = 1.0
     """Stage 2: weight of the vertex term."""
-    history_dropout: float = 0.0
-    """Stage 2: share of past frames that are hidden from the decoder. Not in the paper; makes it
-    lean on the speech rather than on its own past."""
+    own_history: bool = False
+    """Stage 2: in place of the true past, half of the clips see none and the others see what the
+    network says without one. Not in the paper; a small network that is taught on the true past
+    learns to go on with it rather than to listen."""
     fine_tune_speech: bool = True
     """Stage 2: train the speech encoder's transformer too; its convolutions stay frozen."""
 

@@ -70,19 +70,28 @@ class Stage2:
         with torch.no_grad():
             true_features = net.autoencoder.encoder(offsets)
             true_vectors = net.autoencoder.quantize.look_up(net.autoencoder.quantize(true_features))
-        features = net.features(self._tokens(offsets, styles), net.audio_feature_map(memory))
+        memory = net.audio_feature_map(memory)
+        past = offsets
+        if net.training and self.config.own_history:
+            past = self._own_past(offsets, styles, memory)
+        features = net.features(self._tokens(past, styles), memory)
         vectors = net.autoencoder.quantize.look_up(net.autoencoder.quantize(features))
         decoded = net.autoencoder.decoder(straight_through(features, vectors))
         return stage2_terms(offsets, decoded, features, true_vectors)
 
-    def _tokens(self, offsets: Tensor, styles: Tensor) -> Tensor:
-        """Style, then the true motion one frame late: (B, T, D)."""
+    @torch.no_grad()
+    def _own_past(self, offsets: Tensor, styles: Tensor, memory: Tensor) -> Tensor:
+        """Nothing for the first half of the batch, the network's own motion for the other."""
+        half = len(offsets) // 2
+        none = torch.zeros_like(offsets)
+        features = self.net.features(self._tokens(none[half:], styles[half:]), memory[half:])
+        _, own = self.net.autoencoder.decode_features(features)
+        return torch.cat([none[:half], own])
+
+    def _tokens(self, past: Tensor, styles: Tensor) -> Tensor:
+        """Style, then the past motion (B, T, 3V) one frame late: (B, T, D)."""
         style = self.net.learnable_style_emb(styles)[:, None]
-        past = self.net.vertice_map(offsets[:, :-1])
-        if self.net.training and self.config.history_dropout > 0:
-            kept = torch.rand(past.shape[:2]) >= self.config.history_dropout
-            past = past * kept[..., None]
-        return torch.cat([style, past + style], dim=1)
+        return torch.cat([style, self.net.vertice_map(past[:, :-1]) + style], dim=1)
 
     def _memory(self, split: str, index: int, start: int, n_frames: int) -> Tensor:
         """Speech rows of the frames [start, start + n_frames): (n_frames * rows, width)."""
