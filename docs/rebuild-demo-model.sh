@@ -1,7 +1,8 @@
 #!/bin/sh
 # Makes the packaged model anew, from packages to the bundle in runtime/facecode/assets/demo.
-# Run it at the root of a checkout. Needs Debian's flite for four of the voices, 4 GB of memory and
-# 3 GB of disk. On two cores: corpus 4 min, stage 1 10 min, stage 2 15 min. Interrupted, it goes on.
+# Run it at the root of a checkout. Needs Debian's flite for four of the voices. Its steps were run one
+# by one, not yet as this script from nothing; on two busy cores the corpus took 4 min, stage 1
+# 20 min and stage 2 14 min, with 1.3 GB of memory. Interrupted, it goes on.
 set -eu
 work=${1:-demo-build}
 mkdir -p "$work"
