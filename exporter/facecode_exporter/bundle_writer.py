@@ -149,7 +149,7 @@ def check_bundle(
 
 def graphs_of(animator: Animator) -> list[Graph]:
     """The loaded graphs of an animator."""
-    part = animator.part
+    (part,) = animator.parts
     return [
         animator.speech_encoder,
         part.decoder_step,

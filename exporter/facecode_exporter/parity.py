@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from facecode.animator import Animator
+from facecode.animator import Animator, Request
 from facecode.arrays import AnyArray, Audio, Float32
 from facecode.audio import normalise
 from facecode.session import Graph
@@ -74,8 +74,7 @@ def compare_clip(
     heard = normalise(case.audio) if net.system.speech_encoder.normalise else case.audio
     truth = net.predict(torch.from_numpy(heard)[None], torch.from_numpy(case.weights)[None], steps)
     memory = animator.encode(case.audio)
-    codes = np.concatenate(list(animator.generate(memory, case.weights)), axis=1)
-    offsets = animator.decode(codes)
+    ((codes, offsets),) = animator.move([memory], case.weights[None], Request())
     want = truth.codes.numpy()
     if codes.shape != want.shape:
         raise ParityError(f"torch gives codes {want.shape}, the runtime {codes.shape}")

@@ -65,6 +65,16 @@ def past_values(layer: int) -> str:
     return f"past_values_{layer}"
 
 
+def condition(part: str) -> str:
+    """Name of the input with the code vectors of an earlier part."""
+    return f"condition_{part}"
+
+
+def part_file(system: SystemSpec, part: PartSpec, name: str) -> str:
+    """Name of a part's file or tensor: `name`, and the part's where there are several."""
+    return name if len(system.parts) == 1 else f"{name}_{part.name}"
+
+
 def _cross_memory(part: PartSpec, system: SystemSpec, frames: tuple[Axis, ...]) -> list[TensorSpec]:
     """What the cross-attention of `part` reads of the speech, per frame and layer.
 
@@ -75,9 +85,10 @@ def _cross_memory(part: PartSpec, system: SystemSpec, frames: tuple[Axis, ...]) 
     rows = system.speech_encoder.memory_rows_per_frame
     head = ("batch", *frames, decoder.n_layers)
     if rows == 1:
-        return [TensorSpec("cross_output", "float32", (*head, decoder.dim))]
+        name = part_file(system, part, "cross_output")
+        return [TensorSpec(name, "float32", (*head, decoder.dim))]
     return [
-        TensorSpec(name, "float32", (*head, rows, decoder.dim))
+        TensorSpec(part_file(system, part, name), "float32", (*head, rows, decoder.dim))
         for name in ("cross_keys", "cross_values")
     ]
 
@@ -104,6 +115,8 @@ def decoder_step(system: SystemSpec, part: PartSpec) -> GraphSpec:
             TensorSpec("motion", "float32", ("batch", decoder.dim)),
             TensorSpec("style", "float32", ("batch", len(system.styles))),
             TensorSpec("step", "int64", ()),
+            *_sample(part),
+            *(_condition(system.part(name)) for name in part.conditions_on),
             *_cross_memory(part, system, ()),
             *(TensorSpec(past_keys(i), "float32", past) for i in range(decoder.n_layers)),
             *(TensorSpec(past_values(i), "float32", past) for i in range(decoder.n_layers)),
@@ -115,6 +128,16 @@ def decoder_step(system: SystemSpec, part: PartSpec) -> GraphSpec:
         ),
         Tolerance(2e-4, "twelve layers of float32 sums in another order; 1e-5 seen"),
     )
+
+
+def _sample(part: PartSpec) -> list[TensorSpec]:
+    """Which head answers for each row, where there are several."""
+    return [TensorSpec("sample", "int64", ("batch",))] if part.n_samples > 1 else []
+
+
+def _condition(part: PartSpec) -> TensorSpec:
+    axes = ("batch", part.codebook.codes_per_frame, part.codebook.dim)
+    return TensorSpec(condition(part.name), "float32", axes)
 
 
 def motion_decoder(part: PartSpec) -> GraphSpec:
@@ -141,7 +164,7 @@ def vertex_head(system: SystemSpec, part: PartSpec) -> GraphSpec:
     return GraphSpec(
         VERTEX_HEAD,
         (TensorSpec("hidden", "float32", ("batch", "n_shown", part.motion_decoder.dim)),),
-        (TensorSpec("offsets", "float32", ("batch", "n_shown", system.n_vertices, 3)),),
+        (TensorSpec("offsets", "float32", ("batch", "n_shown", system.vertices_of(part), 3)),),
         Tolerance(1e-4, "one product over the hidden width in another order; 1e-6 seen"),
     )
 

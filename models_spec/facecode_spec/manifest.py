@@ -66,6 +66,12 @@ class PartEntry:
     decoder_step: GraphEntry
     motion_decoder: GraphEntry
     vertex_head: GraphEntry
+    n_samples: int = 1
+    """Samples for each sample of the parts before it; the input `sample` picks one."""
+    conditions_on: tuple[str, ...] = ()
+    """Earlier parts whose code vectors of the frame are inputs `condition_<part>`."""
+    vertices: str | None = None
+    """int32 (n,) indices of the part's vertices, in the order of its offsets; null: all."""
 
 
 @dataclass(frozen=True)

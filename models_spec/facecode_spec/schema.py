@@ -90,6 +90,13 @@ class PartSpec:
     codebook: CodebookSpec
     cross_modal_decoder: CrossModalDecoderSpec
     motion_decoder: MotionDecoderSpec
+    n_samples: int = 1
+    """Heads of the cross-modal decoder: samples of this part for each sample of the parts before
+    it (CDFace's K and M)."""
+    conditions_on: tuple[str, ...] = ()
+    """Earlier parts whose code vectors of the same frame the cross-modal decoder reads."""
+    n_vertices: int | None = None
+    """Vertices of the part's own; None: the whole face."""
 
     def __post_init__(self) -> None:
         code_width = self.codebook.codes_per_frame * self.codebook.dim
@@ -124,8 +131,37 @@ class SystemSpec:
     def __post_init__(self) -> None:
         if not self.parts:
             raise SpecError(f"system {self.name!r} has no part")
+        self._check_parts()
         if not self.styles or len(set(self.styles)) != len(self.styles):
             raise SpecError(f"system {self.name!r} needs styles with different names")
+
+    def _check_parts(self) -> None:
+        names = [part.name for part in self.parts]
+        if len(set(names)) != len(names):
+            raise SpecError(f"system {self.name!r} has two parts of one name: {names}")
+        for i, part in enumerate(self.parts):
+            if unknown := set(part.conditions_on) - set(names[:i]):
+                raise SpecError(
+                    f"part {part.name!r} conditions on {sorted(unknown)}; expected parts before it"
+                )
+        covered = sum(part.n_vertices or self.n_vertices for part in self.parts)
+        if covered != self.n_vertices:
+            raise SpecError(
+                f"the parts of {self.name!r} have {covered} vertices in all; expected "
+                f"{self.n_vertices}"
+            )
+
+    def part(self, name: str) -> PartSpec:
+        """The part of that name.
+
+        Raises:
+            KeyError
+        """
+        return {part.name: part for part in self.parts}[name]
+
+    def vertices_of(self, part: PartSpec) -> int:
+        """How many vertices `part` moves."""
+        return self.n_vertices if part.n_vertices is None else part.n_vertices
 
 
 def to_plain(value: Any) -> Any:  # noqa: ANN401

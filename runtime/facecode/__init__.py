@@ -8,7 +8,8 @@ from facecode.animation import Animation
 from facecode.animator import Animator, load
 from facecode.bundle import Bundle
 from facecode.errors import FacecodeError
+from facecode.takes import Takes
 
 __version__ = "0.1.0"
 
-__all__ = ["Animation", "Animator", "Bundle", "FacecodeError", "__version__", "load"]
+__all__ = ["Animation", "Animator", "Bundle", "FacecodeError", "Takes", "__version__", "load"]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from facecode import writers
 from facecode.arrays import Audio, Codes, Colours, Faces, Offsets, Template
+from facecode.errors import CodesError
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +19,7 @@ class Animation:
     offsets: Offsets
     """(T, V, 3) float32, from the template, in the bundle's unit."""
     codes: Codes
-    """(T, H) int64, rows of the motion codebook."""
+    """(T, H) int64, rows of the motion codebook; several parts side by side."""
     fps: float
     template: Template
     """(V, 3) float32, the neutral face."""
@@ -28,6 +30,20 @@ class Animation:
     audio: Audio | None = None
     """The speech, (n_samples,) float32 mono at `sample_rate`, for writers with sound."""
     sample_rate: int | None = None
+    parts: Mapping[str, int] = field(default_factory=dict)
+    """Codes a frame of each part of the face, in the order of their columns in `codes`."""
+
+    def codes_of(self, part: str) -> Codes:
+        """The codes (T, H) of one part.
+
+        Raises:
+            CodesError: no such part.
+        """
+        if part not in self.parts:
+            raise CodesError(f"got part {part!r}; the parts are {', '.join(self.parts)}")
+        names = list(self.parts)
+        start = sum(self.parts[name] for name in names[: names.index(part)])
+        return self.codes[:, start : start + self.parts[part]]
 
     @property
     def vertices(self) -> Offsets:

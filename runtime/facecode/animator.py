@@ -1,63 +1,50 @@
 """The recipe: audio -> memory -> codes -> motion. Arithmetic lives in the graphs and helpers.
 
 Equivalence: `exact` decodes the whole prefix at every step and gives the trained system's codes.
-`window` decodes the last W frames and equals `exact` for clips of up to W frames.
+`window` decodes the last W frames and equals `exact` for clips of up to W frames. Samples and
+clips on the batch axis give what they give alone.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias, overload
 
 import numpy as np
 
 from facecode.animation import Animation
-from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets, Template, Vectors
+from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets, Template
 from facecode.audio import AudioSource, load_audio, normalise, require_one_frame
-from facecode.buffers import GrowingBuffer, KeyValueCache
-from facecode.bundle import PACKAGED_BUNDLE, Bundle, load_array
-from facecode.codebook import Codebook
-from facecode.errors import ManifestError, ModeError
+from facecode.bundle import PACKAGED_BUNDLE, Bundle
+from facecode.errors import ModeError
+from facecode.loop import GeneratedPart, HeldPart, Memory, PartLoop, memory_frames, run_loop
+from facecode.part import Part
+from facecode.samples import Samples, check_codes, head_numbers, sample_counts
 from facecode.session import Graph, default_threads
 from facecode.styles import Style, style_weights
+from facecode.takes import Takes
 from facecode.template import TemplateSource, load_template
-from facecode_spec.manifest import Manifest, PartEntry
+from facecode_spec.manifest import Manifest
 
 Mode: TypeAlias = Literal["exact", "window"]
 MODES: tuple[Mode, ...] = ("exact", "window")
 DEFAULT_WINDOW = 8
 """Frames that `window` decodes when none are given."""
-HEAD_CHUNK = 64
-"""Frames per call of the vertex head: enough to read its weights rarely, 18 MB for BIWI."""
-Memory: TypeAlias = dict[str, AnyArray]
-"""What the cross-attention reads, by graph input name, frames on axis 1."""
+Held: TypeAlias = "Mapping[str, AnyArray | Animation]"
+"""Codes (T, H) to keep, or a clip whose codes to keep, by part name."""
 
 
 @dataclass(frozen=True)
-class Part:
-    """The graphs and the codebook of one part of the face."""
+class Request:
+    """What to generate beside the speech."""
 
-    codebook: Codebook
-    decoder_step: Graph
-    motion_decoder: Graph
-    vertex_head: Graph
-    n_layers: int
-    dim: int
-
-    @classmethod
-    def open(cls, bundle: Bundle, entry: PartEntry, threads: int) -> Part:
-        """Load one part of a verified bundle."""
-
-        def axes(name: str) -> tuple[str, ...]:
-            return next(t.axes for t in entry.decoder_step.outputs if t.name == name)
-
-        n_layers, _, dim = axes("keys")
-        rows = load_array(bundle.root, entry.codebook, (-1, int(axes("features")[-1])), np.float32)
-        graphs = (entry.decoder_step, entry.motion_decoder, entry.vertex_head)
-        step, motion, head = (Graph(bundle.path(g.path), g, threads) for g in graphs)
-        return cls(Codebook(rows), step, motion, head, int(n_layers), int(dim))
+    window: int | None = None
+    """Decode the last `window` frames for the feedback; None: the whole prefix."""
+    samples: Samples | None = None
+    hold: Held = field(default_factory=dict)
+    progress: bool = False
 
 
 class Animator:
@@ -73,13 +60,9 @@ class Animator:
         if threads < 1:
             raise ValueError(f"got {threads} threads; expected at least 1")
         self.bundle, self.threads = bundle, threads
-        if len(self.manifest.parts) != 1:
-            raise ManifestError(
-                f"the bundle has {len(self.manifest.parts)} parts; this release animates one"
-            )
         entry = self.manifest.speech_encoder
         self.speech_encoder = Graph(bundle.path(entry.path), entry, threads)
-        self.part = Part.open(bundle, self.manifest.parts[0], threads)
+        self.parts = tuple(Part.open(bundle, part, threads) for part in self.manifest.parts)
 
     @property
     def manifest(self) -> Manifest:
@@ -91,6 +74,7 @@ class Animator:
         """Style names that `animate` takes; the first is the default."""
         return self.manifest.styles
 
+    @overload
     def animate(
         self,
         audio: AudioSource,
@@ -100,9 +84,40 @@ class Animator:
         window: int | None = None,
         template: TemplateSource | None = None,
         sample_rate: int | None = None,
+        samples: None = None,
+        hold: Held | None = None,
         progress: bool = False,
-    ) -> Animation:
-        """Animate one clip.
+    ) -> Animation: ...
+
+    @overload
+    def animate(
+        self,
+        audio: AudioSource,
+        style: Style | None = None,
+        *,
+        mode: Mode = "exact",
+        window: int | None = None,
+        template: TemplateSource | None = None,
+        sample_rate: int | None = None,
+        samples: Samples,
+        hold: Held | None = None,
+        progress: bool = False,
+    ) -> Takes: ...
+
+    def animate(
+        self,
+        audio: AudioSource,
+        style: Style | None = None,
+        *,
+        mode: Mode = "exact",
+        window: int | None = None,
+        template: TemplateSource | None = None,
+        sample_rate: int | None = None,
+        samples: Samples | None = None,
+        hold: Held | None = None,
+        progress: bool = False,
+    ) -> Animation | Takes:
+        """Animate one clip; with `samples`, several times.
 
         Args:
             audio: a file, an open binary file, or an array (n,) or (n, n_channels).
@@ -113,30 +128,49 @@ class Animator:
             template: another neutral face of the same topology: the name of one of the bundle's
                 identities, or .npy, .ply, .obj or (V, 3).
             sample_rate: of an audio array; the bundle's rate by default.
+            samples: how many faces, for the first part that has several, or by part name; each
+                sample of a part is combined with each of the part before. The same number gives
+                the same faces, and fewer give the first of them.
+            hold: parts to keep as they are: codes (T, H), or a clip, by part name.
             progress: show a bar on stderr.
 
         Raises:
-            AudioError, AudioNotFoundError, StyleError, TemplateError, ModeError, GraphError.
+            AudioError, AudioNotFoundError, StyleError, TemplateError, ModeError, SampleError,
+            CodesError, GraphError.
         """
-        n_window = window_frames(mode, window)
+        request = Request(window_frames(mode, window), samples, hold or {}, progress)
+        sample_counts(samples, self.parts)
         weights = style_weights(style, self.styles)
-        neutral = self._neutral(template)
+        neutral = self.neutral(template)
         waveform = load_audio(audio, self.manifest.sample_rate, sample_rate)
-        memory = self.encode(waveform)
-        codes = np.concatenate(list(self.generate(memory, weights, n_window, progress)), axis=1)
-        offsets = self.decode(codes)
+        ((codes, offsets),) = self.move([self.encode(waveform)], weights[None], request)
+        clips = [
+            self.animation(o, c, waveform, neutral) for o, c in zip(offsets, codes, strict=True)
+        ]
+        return clips[0] if samples is None else Takes(tuple(clips))
+
+    def animation(
+        self, offsets: Offsets, codes: Codes, waveform: Audio, neutral: Template
+    ) -> Animation:
+        """Offsets (T, V, 3) and codes (T, H) of a clip, with what the bundle knows of the face."""
         return Animation(
-            offsets[0],
-            codes[0],
+            offsets,
+            codes,
             self.manifest.fps,
             neutral,
             self.bundle.faces,
             self.bundle.colours,
             waveform,
             self.manifest.sample_rate,
+            {part.name: part.codes_per_frame for part in self.parts},
         )
 
-    def _neutral(self, template: TemplateSource | None) -> Template:
+    def neutral(self, template: TemplateSource | None) -> Template:
+        """The neutral face (V, 3) that `template` names; the bundle's for None.
+
+        Raises:
+            TemplateError
+        """
         if template is None:
             return self.bundle.template
         if isinstance(template, str) and template in self.manifest.identities:
@@ -157,61 +191,82 @@ class Animator:
         return dict(zip(names, outputs, strict=True))
 
     def generate(
-        self,
-        memory: Memory,
-        weights: Float32,
-        window: int | None = None,
-        progress: bool = False,
-    ) -> Iterator[Codes]:
-        """The step loop: codes (1, 1, H) of one frame after the other.
+        self, memories: Sequence[Memory], weights: Float32, request: Request
+    ) -> Iterable[list[Codes]]:
+        """The step loop: for every frame the codes (n_clips, rows, H) of each part.
 
         Args:
-            memory: of `encode`.
-            weights: style weights (n_styles,).
-            window: decode the last `window` frames for the feedback; None: the whole prefix.
-            progress: show a bar on stderr.
-        """
-        part, n_frames = self.part, memory_frames(memory)
-        cache = KeyValueCache(part.n_layers, 1, part.dim)
-        prefix: GrowingBuffer | None = None
-        motion = np.zeros((1, part.dim), dtype=np.float32)
-        for step in _steps(n_frames, progress):
-            features, keys, values = part.decoder_step.run(
-                ("features", "keys", "values"),
-                motion=motion,
-                style=weights[None],
-                step=np.array(step),
-                **{name: rows[:, step] for name, rows in memory.items()},
-                **cache.inputs(),
-            )
-            cache.append(keys, values)
-            codes = part.codebook.nearest(features)
-            vectors = part.codebook.look_up(codes)
-            if prefix is None:
-                prefix = GrowingBuffer(1, vectors.shape[1:])
-            prefix.append(vectors)
-            yield codes[:, None]
-            if step + 1 < n_frames:
-                motion = self.feed_back(prefix.view(window))
+            memories: of `encode`, of clips of falling length.
+            weights: style weights (n_clips, n_styles).
+            request: window, samples and held codes.
 
-    def feed_back(self, vectors: Vectors) -> Float32:
-        """Code vectors (B, n, H, C) to the embedding of the last frame's motion (B, D)."""
-        last = np.array([vectors.shape[1] - 1])
-        return self.part.motion_decoder.run(("feedback",), features=vectors, frames=last)[0]
+        Raises:
+            SampleError, CodesError.
+        """
+        lengths = [memory_frames(memory) for memory in memories]
+        together = _together(memories)
+        counts = sample_counts(request.samples, self.parts)
+        held = {name: self._held(name, clip, lengths) for name, clip in request.hold.items()}
+        heads = head_numbers({name: 1 if name in held else n for name, n in counts.items()})
+        loops: list[PartLoop] = [
+            HeldPart(held[part.name])
+            if part.name in held
+            else GeneratedPart(part, together, weights, heads[part.name], request.window)
+            for part in self.parts
+        ]
+        frames = run_loop(self.parts, loops, lengths)
+        return _with_bar(frames, lengths[0]) if request.progress else frames
+
+    def move(
+        self, memories: Sequence[Memory], weights: Float32, request: Request
+    ) -> list[tuple[Codes, Offsets]]:
+        """Codes (K, T, H) and offsets (K, T, V, 3) of each clip, K faces a clip; see `generate`."""
+        frames = list(self.generate(memories, weights, request))
+        moved = []
+        for i, memory in enumerate(memories):
+            reached = frames[: memory_frames(memory)]
+            clip = [
+                np.stack([frame[p][i] for frame in reached], axis=1) for p in range(len(self.parts))
+            ]
+            moved.append(self._compose(clip))
+        return moved
 
     def decode(self, codes: Codes) -> Offsets:
-        """Codes (B, T, H) of whole clips to offsets (B, T, V, 3)."""
-        n_batch, n_frames = codes.shape[:2]
-        hidden = self.part.motion_decoder.run(
-            ("hidden",),
-            features=self.part.codebook.look_up(codes),
-            frames=np.arange(n_frames),
-        )[0]
-        offsets = np.empty((n_batch, n_frames, self.manifest.n_vertices, 3), dtype=np.float32)
-        for start in range(0, n_frames, HEAD_CHUNK):
-            chunk = slice(start, start + HEAD_CHUNK)
-            offsets[:, chunk] = self.part.vertex_head.run(("offsets",), hidden=hidden[:, chunk])[0]
-        return offsets
+        """Codes (T, H) of a clip, or (B, T, H) of several, to offsets (T, V, 3) or (B, T, V, 3).
+
+        Raises:
+            CodesError: another H, or codes outside the codebook.
+        """
+        edges = np.cumsum([part.codes_per_frame for part in self.parts])
+        columns = np.split(np.asarray(codes), edges[:-1], axis=-1)
+        apart = [check_codes(c, part) for c, part in zip(columns, self.parts, strict=True)]
+        if apart[0].ndim == 2:
+            _, (offsets,) = self._compose([c[None] for c in apart])
+            return np.asarray(offsets)
+        return self._compose(apart)[1]
+
+    def _held(self, name: str, kept: AnyArray | Animation, lengths: Sequence[int]) -> Codes:
+        """(1, T, H) codes of a part, for the one clip that there is."""
+        part = {p.name: p for p in self.parts}.get(name)
+        if part is None or len(lengths) != 1:
+            names = ", ".join(p.name for p in self.parts)
+            raise ModeError(f"got {name!r} to hold; expected one of {names}, and one recording")
+        codes = kept.codes_of(name) if isinstance(kept, Animation) else kept
+        return check_codes(codes, part, lengths[0])[None]
+
+    def _compose(self, clip: Sequence[Codes]) -> tuple[Codes, Offsets]:
+        """Rows of each part's codes (rows, T, H) to codes and offsets of all faces."""
+        n_faces = max(len(codes) for codes in clip)
+        n_frames = clip[0].shape[1]
+        offsets = np.empty((n_faces, n_frames, self.manifest.n_vertices, 3), dtype=np.float32)
+        every = []
+        for part, codes in zip(self.parts, clip, strict=True):
+            share = n_faces // len(codes)
+            part.decode(codes, offsets[::share])
+            for k in range(1, share):
+                _copy(offsets[::share], offsets[k::share], part)
+            every.append(np.repeat(codes, share, axis=0))
+        return np.concatenate(every, axis=2), offsets
 
 
 def load(path: str | os.PathLike[str] | None = None, *, threads: int | None = None) -> Animator:
@@ -240,15 +295,28 @@ def window_frames(mode: str, window: int | None) -> int | None:
     return DEFAULT_WINDOW if window is None else window
 
 
-def memory_frames(memory: Memory) -> int:
-    """T of an encoded clip."""
-    n_frames: int = next(iter(memory.values())).shape[1]
-    return n_frames
+def _together(memories: Sequence[Memory]) -> Memory:
+    """Memories of clips of falling length as one, zeros after the end of each."""
+    if len(memories) == 1:
+        return memories[0]
+    together = {}
+    for name, longest in memories[0].items():
+        rows = np.zeros((len(memories), *longest.shape[1:]), longest.dtype)
+        for row, memory in zip(rows, memories, strict=True):
+            row[: memory[name].shape[1]] = memory[name][0]
+        together[name] = rows
+    return together
 
 
-def _steps(n_frames: int, progress: bool) -> Iterable[int]:
-    if not progress:
-        return range(n_frames)
+def _copy(source: Offsets, target: Offsets, part: Part) -> None:
+    """The part's vertices of `source` into `target`, face by face."""
+    if part.vertices is None:
+        target[...] = source
+    else:
+        target[:, :, part.vertices] = source[:, :, part.vertices]
+
+
+def _with_bar(frames: Iterator[list[Codes]], n_frames: int) -> Iterable[list[Codes]]:
     from tqdm import tqdm
 
-    return tqdm(range(n_frames), desc="animate", unit="frame")
+    return tqdm(frames, total=n_frames, desc="animate", unit="frame")

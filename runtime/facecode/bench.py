@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from facecode.animator import HEAD_CHUNK, Animator
+from facecode.animator import Animator, Request
 from facecode.arrays import AnyArray, Audio, Float32
 from facecode.audio import SPEECH, load_audio
+from facecode.part import HEAD_CHUNK
 from facecode.session import ONNXRUNTIME_VERSION, Graph
 
 WARM_UP_S = 1.0
@@ -102,10 +103,10 @@ def benchmark(animator: Animator, load_s: float, seconds: float, window: int | N
     _run(animator, speech[: int(WARM_UP_S * m.sample_rate)], weights, window)
     timed = _timed(animator)
     run = _run(timed, speech, weights, window)
-    part, n_frames = timed.part, len(run.frame_s)
-    step_s, motion_s, head_s = (
-        _seconds(g) for g in (part.decoder_step, part.motion_decoder, part.vertex_head)
-    )
+    n_frames = len(run.frame_s)
+    step_s = _summed([p.decoder_step for p in timed.parts])
+    motion_s = _summed([p.motion_decoder for p in timed.parts])
+    head_s = [s for p in timed.parts for s in _seconds(p.vertex_head)]
     return BenchReport(
         bundle=str(animator.bundle.root),
         system=m.name,
@@ -151,10 +152,10 @@ def _run(animator: Animator, speech: Audio, weights: Float32, window: int | None
     memory = animator.encode(speech)
     encoded = previous = time.perf_counter()
     frames, codes = [], []
-    for code in animator.generate(memory, weights, window):
+    for code in animator.generate([memory], weights[None], Request(window)):
         now = time.perf_counter()
         frames.append(now - previous)
-        codes.append(code)
+        codes.append(np.concatenate(code, axis=-1))
         previous = now
     animator.decode(np.concatenate(codes, axis=1))
     return _Run(encoded - start, frames, time.perf_counter() - start)
@@ -162,23 +163,30 @@ def _run(animator: Animator, speech: Audio, weights: Float32, window: int | None
 
 def _first_frame(animator: Animator, speech: Audio, weights: Float32) -> float:
     start = time.perf_counter()
-    memory = animator.encode(speech)
-    animator.decode(next(animator.generate(memory, weights)))
+    frames = animator.generate([animator.encode(speech)], weights[None], Request())
+    animator.decode(np.concatenate(next(iter(frames)), axis=-1))
     return time.perf_counter() - start
 
 
 def _timed(animator: Animator) -> Animator:
-    """The same animator with its part's graphs timed."""
+    """The same animator with its parts' graphs timed."""
     copy = object.__new__(Animator)
     copy.__dict__.update(animator.__dict__)
-    part = animator.part
-    copy.part = dataclasses.replace(
-        part,
-        decoder_step=TimedGraph(part.decoder_step),
-        motion_decoder=TimedGraph(part.motion_decoder),
-        vertex_head=TimedGraph(part.vertex_head),
+    copy.parts = tuple(
+        dataclasses.replace(
+            part,
+            decoder_step=TimedGraph(part.decoder_step),
+            motion_decoder=TimedGraph(part.motion_decoder),
+            vertex_head=TimedGraph(part.vertex_head),
+        )
+        for part in animator.parts
     )
     return copy
+
+
+def _summed(graphs: Sequence[Graph]) -> list[float]:
+    """Seconds of the n-th call of each graph, added up."""
+    return [sum(calls) for calls in zip(*map(_seconds, graphs), strict=True)]
 
 
 def _seconds(graph: Graph) -> list[float]:

@@ -18,20 +18,20 @@ class GrowingBuffer:
         self.n_rows = 0
 
     def append(self, rows: AnyArray) -> None:
-        """Add one row per batch item: (B, *row_shape)."""
+        """Add one row per batch item, or to the first `len(rows)` of them: (b, *row_shape)."""
         if self.n_rows == self._data.shape[1]:
             grown = np.empty(
                 (len(self._data), 2 * self.n_rows, *self._data.shape[2:]), self._data.dtype
             )
             grown[:, : self.n_rows] = self._data
             self._data = grown
-        self._data[:, self.n_rows] = rows
+        self._data[: len(rows), self.n_rows] = rows
         self.n_rows += 1
 
-    def view(self, last: int | None = None) -> AnyArray:
-        """The rows so far, or the last `last` of them: (B, n, *row_shape)."""
+    def view(self, last: int | None = None, n_batch: int | None = None) -> AnyArray:
+        """The rows so far, or the last `last`, of the first `n_batch` items: (b, n, *row_shape)."""
         start = 0 if last is None else max(0, self.n_rows - last)
-        return self._data[:, start : self.n_rows]
+        return self._data[:n_batch, start : self.n_rows]
 
 
 class KeyValueCache:
@@ -42,13 +42,13 @@ class KeyValueCache:
         self._values = [GrowingBuffer(n_batch, (dim,)) for _ in range(n_layers)]
 
     def append(self, keys: AnyArray, values: AnyArray) -> None:
-        """Add the new rows of all layers: keys and values (n_layers, B, D)."""
+        """Add the new rows of all layers: keys and values (n_layers, b, D)."""
         for buffers, rows in ((self._keys, keys), (self._values, values)):
             for buffer, row in zip(buffers, rows, strict=True):
                 buffer.append(row)
 
-    def inputs(self) -> dict[str, AnyArray]:
-        """The graph inputs `past_keys_i` and `past_values_i`, each (B, n_past, D)."""
-        named = {f"past_keys_{i}": b.view() for i, b in enumerate(self._keys)}
-        named.update({f"past_values_{i}": b.view() for i, b in enumerate(self._values)})
-        return named
+    def inputs(self, n_batch: int | None = None) -> dict[str, AnyArray]:
+        """The graph inputs `past_keys_i` and `past_values_i`, each (b, n_past, D)."""
+        views = [(b.view(n_batch=n_batch), "past_keys", i) for i, b in enumerate(self._keys)]
+        views += [(b.view(n_batch=n_batch), "past_values", i) for i, b in enumerate(self._values)]
+        return {f"{name}_{i}": view for view, name, i in views}

@@ -29,6 +29,7 @@ from facecode_spec.manifest import (
     GraphEntry,
     Manifest,
     NewerFormatError,
+    PartEntry,
 )
 from facecode_spec.schema import SpecError
 
@@ -64,7 +65,20 @@ class Bundle:
         template = load_array(root, manifest.template, (manifest.n_vertices, 3), np.float32)
         faces = _optional_array(root, manifest.faces, (-1, 3), np.int32)
         colours = _optional_array(root, manifest.colours, (manifest.n_vertices, 3), np.uint8)
-        return cls(root, manifest, template, faces, colours)
+        bundle = cls(root, manifest, template, faces, colours)
+        bundle._check_parts()
+        return bundle
+
+    def _check_parts(self) -> None:
+        """Refuse parts that leave a vertex out, or move it twice."""
+        everything = np.arange(self.manifest.n_vertices)
+        parts = [self.part_vertices(part) for part in self.manifest.parts]
+        moved = np.concatenate([everything if p is None else p for p in parts])
+        if not np.array_equal(np.sort(moved), everything):
+            raise ManifestError(
+                f"the parts of {self.root} do not move every vertex once ({len(moved)} indices "
+                f"for {len(everything)} vertices); export it again"
+            )
 
     def region(self, name: str) -> Indices:
         """Vertex indices (n,) of a region that the manifest names.
@@ -82,6 +96,16 @@ class Bundle:
         """
         file = self.manifest.identities[name]
         return load_array(self.root, file, (self.manifest.n_vertices, 3), np.float32)
+
+    def part_vertices(self, part: PartEntry) -> Indices | None:
+        """Vertex indices (n,) of a part of the face; None: it moves all.
+
+        Raises:
+            ManifestError
+        """
+        if part.vertices is None:
+            return None
+        return load_array(self.root, part.vertices, (-1,), np.int32)
 
     def path(self, name: str) -> Path:
         """Where the file `name` of the manifest lies."""
@@ -187,6 +211,7 @@ def _refuse_unlisted(manifest: Manifest) -> None:
     used = {g.path for g in graph_entries(manifest)} | {p.codebook for p in manifest.parts}
     used |= {f for f in (manifest.template, manifest.faces, manifest.colours) if f is not None}
     used |= {*manifest.regions.values(), *manifest.identities.values()}
+    used |= {p.vertices for p in manifest.parts if p.vertices is not None}
     if unlisted := sorted(used - set(manifest.files)):
         raise ManifestError(f"the manifest uses {', '.join(unlisted)} but lists no size and hash")
 

@@ -19,6 +19,8 @@ FacecodeError
     ExternalDataError (ValueError)     a graph that reads files the manifest does not list
     GraphError (RuntimeError)          onnxruntime cannot load a graph
   ModeError (ValueError)      unknown mode, or a window that is none
+  SampleError (ValueError)    samples that the bundle does not give
+  CodesError (ValueError)     codes that are none of the bundle's
   OutputError
     OutputSuffixError (ValueError)
     OutputFolderError (FileNotFoundError)
@@ -113,6 +115,14 @@ class GraphError(BundleError, RuntimeError):
 
 class ModeError(FacecodeError, ValueError):
     """Unknown mode, or a window that does not fit it."""
+
+
+class SampleError(FacecodeError, ValueError):
+    """The bundle does not give these samples."""
+
+
+class CodesError(FacecodeError, ValueError):
+    """Codes of another shape, or outside the codebook."""
 
 
 class OutputError(FacecodeError):

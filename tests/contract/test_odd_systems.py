@@ -159,6 +159,6 @@ def test_batches_are_their_clips(exported):
     _, animator, _ = exported
     rng = np.random.default_rng(0)
     vectors = rng.standard_normal((3, 8, 3, 7)).astype(np.float32)
-    together = animator.feed_back(vectors)
-    apart = np.concatenate([animator.feed_back(v[None]) for v in vectors])
+    together = animator.parts[0].feed_back(vectors)
+    apart = np.concatenate([animator.parts[0].feed_back(v[None]) for v in vectors])
     np.testing.assert_allclose(together, apart, atol=1e-5)

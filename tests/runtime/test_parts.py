@@ -25,14 +25,14 @@ def test_nearest_is_the_smallest_distance():
 
 
 def test_ties_go_to_the_lower_code_in_numpy_and_in_the_graph(tiny):
-    rows = tiny.part.codebook.rows
+    rows = tiny.parts[0].codebook.rows
     middle = (rows[3] + rows[17]) / 2
     book = Codebook(np.array([[1, 0], [0, 1], [1, 0], [-1, 0]], np.float32))
     assert book.nearest(np.array([[0.5, 0.5], [1, 0], [0, 0]], np.float32)).tolist() == [0, 0, 0]
     features = np.concatenate([rows, [middle]]).astype(np.float32)
     features = np.resize(features, (1, 33, 4, rows.shape[1]))
-    (codes,) = tiny.part.motion_decoder.run(("codes",), features=features, frames=np.array([0]))
-    np.testing.assert_array_equal(codes, tiny.part.codebook.nearest(features))
+    (codes,) = tiny.parts[0].motion_decoder.run(("codes",), features=features, frames=np.array([0]))
+    np.testing.assert_array_equal(codes, tiny.parts[0].codebook.nearest(features))
 
 
 def test_buffer_grows_and_keeps_its_rows():

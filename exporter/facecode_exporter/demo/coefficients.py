@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from facecode.arrays import AnyArray, Audio, Float32
@@ -21,12 +22,16 @@ from facecode_exporter.demo.corpus_files import (
     load_corpus_head,
     load_weights,
 )
+from facecode_exporter.demo.face_units import FACE_UNITS
 from facecode_exporter.demo.head import Head
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_spec.schema import SystemSpec
 
-LIP_WEIGHT = 8.0
-"""How much more a lip vertex counts than another one in squared distances."""
+LIP_WEIGHT, EYE_WEIGHT = 8.0, 3.0
+"""How much more a vertex of the lips, or of eyelids and brows, counts than another one in squared
+distances."""
+EYE_UNITS = ("eyeBlink", "brow")
+EYE_REACH_M = 1e-3
 
 
 class MotionBasis:
@@ -42,6 +47,7 @@ class MotionBasis:
         """
         units = head.unit_offsets.reshape(len(head.unit_offsets), -1).astype(np.float64)
         vertex_weight = np.ones(head.template.shape[0])
+        vertex_weight[_moved_by(head, EYE_UNITS)] = EYE_WEIGHT
         vertex_weight[head.regions["lips"]] = LIP_WEIGHT
         self._root = np.sqrt(np.repeat(vertex_weight, 3))
         _, _, rows = np.linalg.svd(units * self._root, full_matrices=False)
@@ -85,6 +91,13 @@ class MotionBasis:
         net = CodeTalker(full)
         net.load_state_dict({k: v.half().float() for k, v in state.items()})
         return net.eval()
+
+
+def _moved_by(head: Head, prefixes: tuple[str, ...]) -> NDArray[np.bool_]:
+    """(V,) vertices that a face unit with one of these names moves visibly."""
+    units = [unit.startswith(prefixes) for unit in FACE_UNITS]
+    reach = np.linalg.norm(head.unit_offsets[units], axis=-1)
+    return np.asarray((reach > EYE_REACH_M).any(axis=0))
 
 
 class CorpusClips:

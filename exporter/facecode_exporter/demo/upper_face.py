@@ -1,7 +1,9 @@
-"""Blinks, brows and gaze: what a face does beside the mouth, different each time.
+"""Blinks, brows and gaze: what a face does beside the mouth, never quite the same.
 
 Comes in: loudness and pitch per frame, phones, a style and a random generator. Goes out: (T, 52)
-ARKit weights of the upper face. The same generator state gives the same weights.
+ARKit weights of the upper face. Most blinks and brow raises belong to something that one hears, a
+pause or a stressed vowel, so that a network which listens can learn when; some are free, and so
+is most of the gaze. The same generator state gives the same weights.
 """
 
 from __future__ import annotations
@@ -20,9 +22,15 @@ from facecode_exporter.demo.visemes import VOWELS
 # (seconds from the start, how far shut); 150 ms in all
 BLINK = ((0.0, 0.0), (0.06, 1.0), (0.09, 1.0), (0.15, 0.0))
 SHORTEST_BETWEEN_BLINKS_S = 0.7
-BLINK_AT_PAUSE = 0.45  # chance of one where a pause begins
+TYPICAL_BLINKS_PER_S = 0.3
+PAUSE_S = 0.25  # silence that counts as a pause
+LIKELY = 0.9  # chance of what belongs to a sound
+FREE_BLINKS = 0.25  # share of a style's rate that comes at any time
+BLINK_STRESS = 1.2  # standard deviations above the mean vowel, at the typical rate
 RAISE_S = 0.16  # to the top of a brow raise, and 1.5 times as long down
 STRESSED = 0.6  # standard deviations above the mean vowel
+LOWERED = 0.3  # gaze in a pause
+LOWER_S = 0.12
 FIXATION_S = 1.1  # mean time between eye movements
 DART_S = 0.045
 FARTHEST = 0.45  # weight of the widest glance
@@ -49,23 +57,34 @@ def upper_face_weights(
         eyeSquint=style.squint,
         eyeWide=0.5 * max(style.brow_up - 0.1, 0),
     )
-    weights += _brow_raises(phones, loudness, pitch, style, rng, times)
-    weights += _gaze(style, rng, times)
-    shut = _blinks(phones, style, rng, times)[:, None]
+    vowels = [p for p in phones if p.name in VOWELS]
+    stress = _stress(vowels, loudness, pitch, times)
+    weights += _brow_raises(vowels, stress, style, rng, times)
+    weights += _gaze(phones, style, rng, times)
+    shut = _blinks(phones, vowels, stress, style, rng, times)[:, None]
     opened = unit_weights(eyeSquint=1, eyeWide=1) * shut
     weights = weights * (1 - opened) + shut * unit_weights(eyeBlink=1)
     return np.asarray(np.clip(weights, 0, 1), np.float32)
 
 
-def _blinks(phones: Sequence[Phone], style: Style, rng: Generator, times: Float32) -> Float32:
-    """(T,) 0 open to 1 shut: at random, and more often where a pause begins."""
-    total_s = len(times) and float(times[-1])
-    n_random = rng.poisson(style.blinks_per_s * total_s)
-    starts = list(rng.uniform(0, max(total_s, 1e-3), n_random))
-    pauses = [p.start_s + 0.05 for p in phones if p.name == SILENCE and p.end_s - p.start_s > 0.25]
-    starts += [
-        start for start in pauses if rng.random() < BLINK_AT_PAUSE * style.blinks_per_s / 0.3
+def _blinks(
+    phones: Sequence[Phone],
+    vowels: Sequence[Phone],
+    stress: Float32,
+    style: Style,
+    rng: Generator,
+    times: Float32,
+) -> Float32:
+    """(T,) 0 open to 1 shut: where pauses begin, after strong stress, and at random."""
+    total_s = float(times[-1]) if len(times) else 0.0
+    rate = style.blinks_per_s / TYPICAL_BLINKS_PER_S
+    free = style.blinks_per_s * (FREE_BLINKS if vowels else 1.0)
+    starts = list(rng.uniform(0, max(total_s, 1e-3), rng.poisson(free * total_s)))
+    heard = [p.start_s + 0.05 for p in _pauses(phones)]
+    heard += [
+        v.end_s for v, s in zip(vowels, stress, strict=True) if s > BLINK_STRESS + 0.5 * (1 - rate)
     ]
+    starts += [start for start in heard if rng.random() < LIKELY]
     shut = np.zeros(len(times))
     last = -np.inf
     for start in sorted(starts):
@@ -76,22 +95,22 @@ def _blinks(phones: Sequence[Phone], style: Style, rng: Generator, times: Float3
     return np.asarray(shut, np.float32)
 
 
+def _pauses(phones: Sequence[Phone]) -> list[Phone]:
+    """Those after something was said."""
+    return [
+        p for p in phones if p.name == SILENCE and p.start_s > 0 and p.end_s - p.start_s > PAUSE_S
+    ]
+
+
 def _brow_raises(
-    phones: Sequence[Phone],
-    loudness: Float32,
-    pitch: Float32,
-    style: Style,
-    rng: Generator,
-    times: Float32,
+    vowels: Sequence[Phone], stress: Float32, style: Style, rng: Generator, times: Float32
 ) -> Float32:
-    """Brows go up, not always, with vowels that are louder and higher than the others."""
-    vowels = [p for p in phones if p.name in VOWELS]
-    stress = _stress(vowels, loudness, pitch, times)
+    """Brows go up, nearly always, with vowels that are louder and higher than the others."""
     weights = np.zeros((len(times), len(FACE_UNITS)), np.float32)
     inner_and_outer = unit_weights(browInnerUp=1.0, browOuterUp=0.8)
     for vowel, strength in zip(vowels, stress, strict=True):
-        chance, size, tilt = rng.random(), rng.uniform(0.5, 1.0), rng.uniform(0.5, 1.0)
-        if strength > STRESSED and chance < 0.6:
+        chance, size, tilt = rng.random(), rng.uniform(0.8, 1.0), rng.uniform(0.7, 1.0)
+        if strength > STRESSED and chance < LIKELY:
             height = style.brow_activity * size * min(1.0, strength / 2)
             middle = (vowel.start_s + vowel.end_s) / 2
             away = (times - middle) / np.where(times < middle, RAISE_S, 1.5 * RAISE_S)
@@ -112,8 +131,8 @@ def _stress(vowels: Sequence[Phone], loudness: Float32, pitch: Float32, times: F
     return (values - values.mean()) / (values.std() + 1e-3) if len(values) else values
 
 
-def _gaze(style: Style, rng: Generator, times: Float32) -> Float32:
-    """The eyes rest on a point near the viewer's face, then dart to another."""
+def _gaze(phones: Sequence[Phone], style: Style, rng: Generator, times: Float32) -> Float32:
+    """The eyes rest on a point near the viewer's face, then dart to another; lower in pauses."""
     total_s = float(times[-1]) if len(times) else 0.0
     moments, points = [0.0], [_glance(style, rng)]
     while moments[-1] < total_s:
@@ -124,6 +143,9 @@ def _gaze(style: Style, rng: Generator, times: Float32) -> Float32:
     order = np.argsort(knots, kind="stable")
     values = np.concatenate([held[:-1], held[1:]])[order]
     left, up = (np.interp(times, knots[order], values[:, k]) for k in (0, 1))
+    for pause in _pauses(phones):
+        inside = np.minimum(times - pause.start_s, pause.end_s - times) / LOWER_S
+        up = up - LOWERED * np.clip(inside, 0, 1)
     weights = np.zeros((len(times), len(FACE_UNITS)), np.float32)
     for unit, much in (
         ("eyeLookOutLeft", left),

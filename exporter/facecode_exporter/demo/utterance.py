@@ -1,5 +1,7 @@
 """One utterance of the demo corpus: sentences, a voice, pauses, and where every sound lies.
 
+A few have no speech at all, so that a model learns to keep its mouth shut.
+
 Comes in: numbers that name the utterance. Goes out: its text, sound and phones. The same numbers
 give the same utterance, whatever was made before it.
 """
@@ -24,15 +26,17 @@ from facecode_exporter.demo.phones import (
     words_of,
 )
 from facecode_exporter.demo.prompts import sentence
+from facecode_exporter.demo.rooms import empty_room, recorded
 from facecode_exporter.demo.voices import Voice, speak
 from facecode_exporter.errors import AlignmentError
 
 SPLITS = ("train", "val", "test")
 PAUSE_S = (0.3, 1.0)
 EDGE_S = (0.2, 0.7)
-NOISE_DB = (-70.0, -48.0)
-LEVEL_DB = (-12.0, -1.0)
 SHARE_OF_TWO_SENTENCES = 0.4
+SHARE_WITHOUT_SPEECH = 0.04
+NOBODY = "nobody"
+"""The voice of a recording without speech."""
 ATTEMPTS = 20
 
 
@@ -70,6 +74,8 @@ def make_utterance(
         AlignmentError: no attempt gave sentences that can be aligned.
     """
     rng = np.random.default_rng(key)
+    if rng.random() < SHARE_WITHOUT_SPEECH:
+        return _nobody_speaks(rng)
     allowed = [voice for voice in voices if split == "test" or not voice.held_out]
     for _ in range(ATTEMPTS):
         voice = allowed[int(rng.integers(len(allowed)))]
@@ -105,8 +111,14 @@ def _spoken(
         after_s = begin_s + len(sound) / SAMPLE_RATE
         phones.append(Phone(SILENCE, after_s, after_s + len(gap) / SAMPLE_RATE))
         sounds += [sound, gap]
-    audio = _recorded(np.concatenate(sounds), rng)
+    audio = recorded(np.concatenate(sounds), rng)
     return Utterance(" ".join(texts), voice.name, audio, merged(phones))
+
+
+def _nobody_speaks(rng: np.random.Generator) -> Utterance:
+    """A few seconds of an empty room, or of nothing at all: the mouth is at rest."""
+    audio = empty_room(round(rng.uniform(1.5, 6.0) * SAMPLE_RATE), rng)
+    return Utterance("", NOBODY, audio, [Phone(SILENCE, 0.0, len(audio) / SAMPLE_RATE)])
 
 
 def _silence(seconds: float) -> Audio:
@@ -120,15 +132,6 @@ def _faded(sound: Audio) -> Audio:
     faded[: len(ramp)] *= ramp
     faded[-len(ramp) :] *= ramp[::-1]
     return np.asarray(faded)
-
-
-def _recorded(clean: Audio, rng: np.random.Generator) -> Audio:
-    """As a microphone would hear it: some level, some noise."""
-    level, noise = 10 ** (rng.uniform(*LEVEL_DB) / 20), 10 ** (rng.uniform(*NOISE_DB) / 20)
-    hiss = rng.standard_normal(len(clean)).astype(np.float32)
-    scaled = clean * np.float32(level / max(np.abs(clean).max(), 1e-3))
-    noisy = scaled + np.float32(noise * level) * hiss
-    return np.asarray(np.clip(noisy, -1, 1), np.float32)
 
 
 def vocabulary_of(aligner: Aligner, candidates: Sequence[str]) -> list[str]:

@@ -10,14 +10,17 @@ from facecode.arrays import Faces
 from facecode.errors import NoFacesError, OutputSuffixError
 from facecode.writers.atomic import check_folder, writing
 from facecode.writers.mp4 import check_mp4, write_mp4
-from facecode.writers.npz import write_npz
+from facecode.writers.npz import write_npz, write_takes_npz
 
 if TYPE_CHECKING:
     from facecode.animation import Animation
+    from facecode.takes import Takes
 
 Writer: TypeAlias = "Callable[[Animation, BinaryIO, bool], None]"
 """(animation, an open file, whether to show progress on stderr)"""
 WRITERS: dict[str, Writer] = {".npz": write_npz, ".mp4": write_mp4}
+TAKES_WRITERS: dict[str, Callable[[Takes, BinaryIO, bool], None]] = {".npz": write_takes_npz}
+"""The same for several faces of one recording."""
 CHECKS: dict[str, Callable[[], None]] = {".mp4": check_mp4}
 """What a format needs that may not be installed."""
 NEED_FACES = frozenset({".mp4"})
@@ -50,6 +53,18 @@ def check_faces(path: Path, faces: Faces | None) -> None:
     suffix = path.suffix.lower()
     if faces is None and suffix in NEED_FACES:
         raise NoFacesError.to_write(suffix)
+
+
+def save_takes(takes: Takes, path: Path, progress: bool = False) -> None:
+    """Write all clips of `takes` to one file, whole or not at all.
+
+    Raises:
+        OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, MissingExtraError.
+    """
+    check_output(path)
+    check_faces(path, takes[0].faces)
+    with writing(path) as file:
+        TAKES_WRITERS[path.suffix.lower()](takes, file, progress)
 
 
 def save(animation: Animation, path: Path, progress: bool = False) -> None:

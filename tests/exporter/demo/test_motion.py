@@ -143,13 +143,21 @@ def test_loud_vowels_open_wider_than_soft_ones(head):
 
 
 def test_eyes_blink_fully_and_weights_are_weights():
-    _, weights = label(["AH", "T"] * 100, "weary", seed=3)
+    _, weights = label(["AH", "T"] * 100, "weary", seed=0)
     assert weights.dtype == np.float16
     assert (weights.min(), weights.max()) >= (0, 0)
     assert weights.max() <= 1
     blinks = weights[:, UNIT["eyeBlinkLeft"]].astype(float)
     assert blinks.max() > 0.6
     assert (blinks > 0.5).mean() < 0.2
+
+
+def test_eyes_usually_blink_when_speech_pauses():
+    blinked = []
+    for seed in range(20):
+        phones, weights = label(["AH", "T"] * 10, seed=seed)
+        blinked.append(during(weights[:, UNIT["eyeBlinkLeft"]], phones[-1]).max() > 0.6)
+    assert np.mean(blinked) >= 0.7
 
 
 def test_length_is_that_of_the_audio():
