@@ -26,6 +26,7 @@ from facecode_spec.manifest import ParityCase, ParityReport
 Steps = Callable[[Iterable[int]], Iterable[int]]
 GRAPH_SIZES: tuple[dict[str, int], ...] = (
     {"batch": 1, "n_samples": 1360, "n_past": 0, "n_prefix": 1, "n_shown": 1},
+    {"batch": 4, "n_samples": 2000, "n_past": 0, "n_prefix": 3, "n_shown": 3},
     {"batch": 3, "n_samples": 9077, "n_past": 1, "n_prefix": 2, "n_shown": 2},
     {"batch": 2, "n_samples": 23456, "n_past": 67, "n_prefix": 19, "n_shown": 5},
 )

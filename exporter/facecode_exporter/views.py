@@ -102,9 +102,12 @@ class SelfAttentionStep(nn.Module):
         per_head = (query * self.scale)[:, :, None] * self.heads
         past_scores = keys @ per_head + bias
         own_score = key[:, None] @ per_head
-        weights = torch.softmax(torch.cat([past_scores, own_score], dim=1), dim=1)
-        mixed = weights[:, :-1].transpose(1, 2) @ values
-        own = weights[:, -1] @ self.heads.transpose(0, 1) * value
+        # Turned before the softmax: onnxruntime 1.31 joins a turn right before a product with it,
+        # and that joint operator gives garbage for several rows without a past (n = 0).
+        scores = torch.cat([past_scores, own_score], dim=1).transpose(1, 2)
+        weights = torch.softmax(scores, dim=2)
+        mixed = weights[:, :, :-1] @ values
+        own = weights[:, :, -1] @ self.heads.transpose(0, 1) * value
         attended = (mixed * self.heads.transpose(0, 1)).sum(dim=1) + own
         return self.to_out(attended), key, value
 

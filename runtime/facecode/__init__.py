@@ -8,8 +8,18 @@ from facecode.animation import Animation
 from facecode.animator import Animator, load
 from facecode.bundle import Bundle
 from facecode.errors import FacecodeError
+from facecode.many import animate_many
 from facecode.takes import Takes
 
 __version__ = "0.1.0"
 
-__all__ = ["Animation", "Animator", "Bundle", "FacecodeError", "Takes", "__version__", "load"]
+__all__ = [
+    "Animation",
+    "Animator",
+    "Bundle",
+    "FacecodeError",
+    "Takes",
+    "__version__",
+    "animate_many",
+    "load",
+]

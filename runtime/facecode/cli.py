@@ -15,8 +15,12 @@ from facecode import writers
 from facecode.animator import MODES, Animator, window_frames
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
+from facecode.codes_file import parse_hold
 from facecode.console import guarded
+from facecode.errors import OutputFolderError, SampleError
+from facecode.samples import Samples
 from facecode.styles import parse_style
+from facecode.takes import Takes
 from facecode.writers.atomic import check_folder, writing
 
 PROGRAM = "facecode"
@@ -32,12 +36,35 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
 
     animate = commands.add_parser("animate", help="animate a recording")
     animate.set_defaults(run=run_animate)
-    animate.add_argument("audio", help="wav, flac, ogg, mp3, ... or - for standard input")
-    animate.add_argument("-o", "--output", required=True, help=f"{_suffixes()}, or - (npz)")
+    animate.add_argument(
+        "audio", nargs="+", help="wav, flac, ogg, mp3, ... or - for standard input"
+    )
+    where = animate.add_mutually_exclusive_group(required=True)
+    where.add_argument("-o", "--output", help=f"{_suffixes()}, or - (npz)")
+    where.add_argument(
+        "--out-dir", type=Path, metavar="DIR", help="one file a recording, several at once"
+    )
+    animate.add_argument(
+        "--format", choices=[s[1:] for s in writers.WRITERS], default="npz", help="with --out-dir"
+    )
     animate.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
     animate.add_argument("--style", type=str, help="a name, or a mix such as a:0.3,b:0.7")
     animate.add_argument(
         "--template", metavar="MESH", help="an identity of the bundle, or .npy (V, 3), .ply, .obj"
+    )
+    animate.add_argument(
+        "--samples", type=_positive(int), metavar="K", help="faces for the one voice"
+    )
+    animate.add_argument("--lips", type=_positive(int), metavar="K", help="samples of the lips")
+    animate.add_argument(
+        "--upper-face", type=_positive(int), metavar="M", help="upper faces for each of the lips"
+    )
+    animate.add_argument(
+        "--hold",
+        action="append",
+        default=[],
+        metavar="PART=FILE.npz[#K]",
+        help="keep that part's codes",
     )
     _add_mode(animate)
     _add_threads(animate)
@@ -69,15 +96,27 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def run_animate(args: argparse.Namespace) -> None:
+def run_animate(args: argparse.Namespace) -> int | None:
     """`facecode animate`."""
+    if args.out_dir is not None:
+        from facecode.cli_many import run_many
+
+        return run_many(args)
+    if len(args.audio) != 1:
+        raise OutputFolderError(
+            f"got {len(args.audio)} recordings and one output; name a folder with --out-dir"
+        )
+    _animate_one(args, args.audio[0])
+    return None
+
+
+def _animate_one(args: argparse.Namespace, source: str) -> None:
     to_stdout = args.output == STANDARD_STREAM
     output = Path("animation.npz" if to_stdout else args.output)
     if not to_stdout:
         writers.check_output(output)
-    audio = (
-        io.BytesIO(sys.stdin.buffer.read()) if args.audio == STANDARD_STREAM else Path(args.audio)
-    )
+    hold = dict(parse_hold(text) for text in args.hold)
+    audio = io.BytesIO(sys.stdin.buffer.read()) if source == STANDARD_STREAM else Path(source)
     start = time.perf_counter()
     face = facecode.load(args.bundle, threads=args.threads)
     writers.check_faces(output, face.bundle.faces)
@@ -87,20 +126,33 @@ def run_animate(args: argparse.Namespace) -> None:
         mode=args.mode,
         window=args.window,
         template=args.template,
+        samples=_samples(args),
+        hold=hold,
         progress=not args.quiet,
     )
     if to_stdout:
         buffer = io.BytesIO()  # a zip file needs to seek
-        writers.WRITERS[output.suffix](clip, buffer, False)
+        writers.write(clip, buffer, output.suffix)
         sys.stdout.buffer.write(buffer.getbuffer())
         sys.stdout.buffer.flush()
         return
     clip.save(output, progress=not args.quiet)
     if not args.quiet:
+        several = f"{len(clip)} faces, " if isinstance(clip, Takes) else ""
+        first = clip[0] if isinstance(clip, Takes) else clip
         print(
-            f"{output}: {len(clip.codes)} frames at {clip.fps:g} fps ({clip.duration_s:.2f} s), "
-            f"{clip.template.shape[0]:,} vertices, in {time.perf_counter() - start:.2f} s"
+            f"{output}: {several}{len(first.codes)} frames at {first.fps:g} fps "
+            f"({first.duration_s:.2f} s), {first.template.shape[0]:,} vertices, "
+            f"in {time.perf_counter() - start:.2f} s"
         )
+
+
+def _samples(args: argparse.Namespace) -> Samples | None:
+    """`--samples`, or `--lips` and `--upper-face` by part name."""
+    by_part = {name: n for name, n in (("lips", args.lips), ("upper_face", args.upper_face)) if n}
+    if by_part and args.samples:
+        raise SampleError("got --samples beside samples by part; give one or the other")
+    return by_part or args.samples
 
 
 def run_demo(args: argparse.Namespace) -> None:

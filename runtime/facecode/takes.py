@@ -11,7 +11,7 @@ import numpy as np
 
 from facecode import writers
 from facecode.animation import Animation
-from facecode.arrays import Codes, Float32, Indices, Offsets
+from facecode.arrays import Codes, Faces, Float32, Indices, Offsets
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,11 @@ class Takes:
         return np.stack([clip.codes for clip in self.clips])
 
     @property
+    def faces(self) -> Faces | None:
+        """(F, 3) int32 triangles, where the bundle knows its topology."""
+        return self.clips[0].faces
+
+    @property
     def fps(self) -> float:
         """Frames per second."""
         return self.clips[0].fps
@@ -76,4 +81,4 @@ class Takes:
         Raises:
             OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, MissingExtraError.
         """
-        writers.save_takes(self, Path(path), progress)
+        writers.save(self, Path(path), progress)

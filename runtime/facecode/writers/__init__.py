@@ -55,25 +55,23 @@ def check_faces(path: Path, faces: Faces | None) -> None:
         raise NoFacesError.to_write(suffix)
 
 
-def save_takes(takes: Takes, path: Path, progress: bool = False) -> None:
-    """Write all clips of `takes` to one file, whole or not at all.
+def save(moved: Animation | Takes, path: Path, progress: bool = False) -> None:
+    """Write one face or several in the format of the suffix, whole or not at all.
 
     Raises:
         OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, MissingExtraError.
     """
     check_output(path)
-    check_faces(path, takes[0].faces)
+    check_faces(path, moved.faces)
     with writing(path) as file:
-        TAKES_WRITERS[path.suffix.lower()](takes, file, progress)
+        write(moved, file, path.suffix, progress)
 
 
-def save(animation: Animation, path: Path, progress: bool = False) -> None:
-    """Write `animation` in the format of the suffix, whole or not at all.
+def write(moved: Animation | Takes, file: BinaryIO, suffix: str, progress: bool = False) -> None:
+    """Write one face or several to an open file."""
+    from facecode.takes import Takes
 
-    Raises:
-        OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, MissingExtraError.
-    """
-    check_output(path)
-    check_faces(path, animation.faces)
-    with writing(path) as file:
-        WRITERS[path.suffix.lower()](animation, file, progress)
+    if isinstance(moved, Takes):
+        TAKES_WRITERS[suffix.lower()](moved, file, progress)
+    else:
+        WRITERS[suffix.lower()](moved, file, progress)

@@ -1,7 +1,7 @@
 """numpy's .npz: `vertices` (T, V, 3) float32, `codes` (T, H) int64, `fps` ().
 
-Several faces have a first axis more. `parts` and `codes_per_part` say which columns of the codes
-belong to which part of the face.
+Several faces have a first axis more. Where a face has several parts, `parts` and `codes_per_part`
+say which columns of the codes belong to which.
 """
 
 from __future__ import annotations
@@ -26,11 +26,8 @@ def write_takes_npz(takes: Takes, file: BinaryIO, progress: bool = False) -> Non
 
 
 def _write(file: BinaryIO, moved: Animation | Takes, first: Animation) -> None:
-    np.savez(
-        file,
-        vertices=moved.vertices,
-        codes=moved.codes,
-        fps=np.float64(first.fps),
-        parts=np.array(list(first.parts)),
-        codes_per_part=np.array(list(first.parts.values())),
-    )
+    arrays = {"vertices": moved.vertices, "codes": moved.codes, "fps": np.float64(first.fps)}
+    if len(first.parts) > 1:
+        arrays["parts"] = np.array(list(first.parts))
+        arrays["codes_per_part"] = np.array(list(first.parts.values()))
+    np.savez(file, allow_pickle=False, **arrays)

@@ -1,0 +1,66 @@
+"""`facecode animate A B C --out-dir D`: many recordings, one file each."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from tqdm import tqdm
+
+import facecode
+from facecode import writers
+from facecode.console import DONE, MISTAKE
+from facecode.errors import FacecodeError, OutputFolderError, SampleError
+from facecode.styles import parse_style
+
+
+def run_many(args: argparse.Namespace) -> int:
+    """Animate `args.audio` into `args.out_dir`; 2 if a recording failed, and the others done.
+
+    Raises:
+        OutputFolderError: no such folder, or two recordings of one name.
+        SampleError: samples or held codes, which are for one recording.
+    """
+    if args.samples or args.lips or args.upper_face or args.hold:
+        raise SampleError("samples and held codes are for one recording; give it alone, with -o")
+    outputs = _outputs([Path(name) for name in args.audio], args.out_dir, f".{args.format}")
+    start, seconds, n_failed = time.perf_counter(), 0.0, 0
+    face = facecode.load(args.bundle, threads=args.threads)
+    for output in outputs:
+        writers.check_output(output)
+        writers.check_faces(output, face.bundle.faces)
+    clips = facecode.animate_many(
+        args.audio,
+        None if args.style is None else parse_style(args.style),
+        face=face,
+        mode=args.mode,
+        window=args.window,
+        template=args.template,
+    )
+    bar = tqdm(clips, total=len(outputs), desc="animate", unit="clip", disable=args.quiet)
+    for name, output, clip in zip(args.audio, outputs, bar, strict=True):
+        if isinstance(clip, FacecodeError):
+            n_failed += 1
+            tqdm.write(f"facecode: {name}: {clip}", file=sys.stderr)
+            continue
+        clip.save(output)
+        seconds += clip.duration_s
+    if not args.quiet:
+        took = time.perf_counter() - start
+        print(
+            f"{args.out_dir}: {len(outputs) - n_failed} of {len(outputs)} recordings, "
+            f"{seconds:.1f} s of speech in {took:.1f} s ({seconds / took:.1f} s a second)"
+        )
+    return MISTAKE if n_failed else DONE
+
+
+def _outputs(sources: list[Path], folder: Path, suffix: str) -> list[Path]:
+    outputs = [folder / f"{source.stem}{suffix}" for source in sources]
+    if len(set(outputs)) < len(outputs):
+        twice = sorted({o.name for o in outputs if outputs.count(o) > 1})
+        raise OutputFolderError(
+            f"several recordings would be written to {', '.join(twice)}; animate them in turn"
+        )
+    return outputs
