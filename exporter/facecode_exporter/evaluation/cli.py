@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import facecode
 from facecode.animator import MODES, Animator, window_frames
+from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.errors import StyleError
 from facecode.writers.atomic import check_folder, writing
-from facecode_exporter.evaluation.data_set import LAYOUTS, DataSet
+from facecode_exporter.evaluation.data_set import LAYOUTS
 
 if TYPE_CHECKING:
+    from facecode_exporter.evaluation.data_set import DataSet
     from facecode_exporter.evaluation.reference import ReferenceSource
     from facecode_exporter.evaluation.speech import SpokenClip
 
@@ -62,7 +64,16 @@ def add_parser(commands: Commands) -> None:
     )
     speech.add_argument("--plots", type=Path, metavar="DIR", help="a picture of each clip")
 
-    for kind in (predictions, bundle, speech):
+    mix = kinds.add_parser("mix", help="how wide the mouth opens between two styles")
+    mix.set_defaults(run=run_mix)
+    mix.add_argument("--styles", required=True, metavar="A,B", help="two names")
+    mix.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
+    mix.add_argument("--audio", type=Path, metavar="FILE", default=SPEECH, help="the packaged one")
+    mix.add_argument("--lip-pair", type=_pair, metavar="U,L", help="default: the bundle's")
+    mix.add_argument("--plot", type=Path, metavar="PNG", help="the curves")
+    mix.add_argument("--threads", type=_count, metavar="N", help="default: all cores")
+
+    for kind in (predictions, bundle, speech, mix):
         kind.add_argument("--json", metavar="FILE", help="write the numbers to FILE, or -")
         kind.add_argument("--debug", action="store_true", help="show the traceback of errors")
         kind.add_argument("--quiet", action="store_true", help="no progress")
@@ -71,12 +82,13 @@ def add_parser(commands: Commands) -> None:
 def run_predictions(args: argparse.Namespace) -> None:
     """`facecode-export evaluate predictions`."""
     from facecode_exporter.evaluation import distances, report
+    from facecode_exporter.evaluation.corpus_data import open_data_set
     from facecode_exporter.evaluation.regions import read_regions
 
     _check_json(args.json)
     bundle = None if args.bundle is None else Bundle.open(args.bundle)
     regions = read_regions(args.lips, args.upper_face, bundle)
-    data = DataSet.open(args.data, LAYOUTS[args.dataset], args.split)
+    data = open_data_set(args.data, args.dataset, args.split)
     found = distances.find_predictions(args.predictions, data)
     scored = list(distances.score_predictions(found, data, regions, _bar("score", args.quiet)))
     plain = {"predictions": str(args.predictions), **_about(args, data)}
@@ -87,13 +99,14 @@ def run_predictions(args: argparse.Namespace) -> None:
 def run_bundle(args: argparse.Namespace) -> None:
     """`facecode-export evaluate bundle`."""
     from facecode_exporter.evaluation import distances, report
+    from facecode_exporter.evaluation.corpus_data import open_data_set
     from facecode_exporter.evaluation.regions import read_regions
 
     window = window_frames(args.mode, args.window)
     _check_json(args.json)
     animator = facecode.load(args.bundle, threads=args.threads)
     regions = read_regions(args.lips, args.upper_face, animator.bundle)
-    data = DataSet.open(args.data, LAYOUTS[args.dataset], args.split)
+    data = open_data_set(args.data, args.dataset, args.split)
     styles = None if args.styles is None else _styles(args.styles, animator)
     takes = distances.takes_of(data, animator, styles)
     bar = _bar("animate", args.quiet)
@@ -104,7 +117,8 @@ def run_bundle(args: argparse.Namespace) -> None:
     )
     plain = {**_about_bundle(args, animator, window), **_about(args, data)}
     plain |= report.distances_plain(scored)
-    _deliver(plain, report.distances_table(scored, "unit"), args.json)
+    table = report.distances_table(scored, "unit")
+    _deliver(plain, f"{table}\n{report.codes_line(scored, animator)}", args.json)
 
 
 def run_speech(args: argparse.Namespace) -> None:
@@ -145,6 +159,29 @@ def run_speech(args: argparse.Namespace) -> None:
         **report.speech_plain(clips),
     }
     _deliver(plain, report.speech_table(clips, animator.manifest.unit), args.json)
+
+
+def run_mix(args: argparse.Namespace) -> None:
+    """`facecode-export evaluate mix`: the paper's Fig. 5."""
+    from facecode_exporter.evaluation.report import table
+    from facecode_exporter.evaluation.speech import require_lip_pair
+    from facecode_exporter.evaluation.style_mix import mix_styles, plot_mix
+
+    _check_json(args.json)
+    if args.plot is not None:
+        _check_plots(args.plot.parent)
+    animator = facecode.load(args.bundle, threads=args.threads)
+    styles = _styles(args.styles, animator)
+    if len(styles) != 2:
+        raise StyleError(f"got {len(styles)} styles; expected two, as in --styles calm,lively")
+    pair = require_lip_pair(animator, args.lip_pair)
+    mix = mix_styles(animator, args.audio, (styles[0], styles[1]), pair)
+    if args.plot is not None:
+        plot_mix(mix, args.plot)
+    rows = [(f"share of {styles[1]}", f"mean opening ({animator.manifest.unit})")]
+    rows += [(f"{s:.2f}", f"{m:.4g}") for s, m in zip(mix.shares, mix.means, strict=True)]
+    plain = {"styles": list(styles), "shares": list(mix.shares), "means": list(mix.means)}
+    _deliver(plain, table(rows), args.json)
 
 
 def _add_data(parser: argparse.ArgumentParser) -> None:

@@ -23,7 +23,7 @@ from facecode_exporter.evaluation.array_pickle import read_array_pickle
 from facecode_exporter.evaluation.motion_files import read_motion
 from facecode_spec.systems import SYSTEMS
 
-ALL = "all"
+ALL, CORPUS = "all", "corpus"
 TRUTH, TEMPLATES, SPEECH = "vertices_npy", "templates.pkl", "wav"
 SPEECH_SUFFIXES = (".wav", ".flac")
 
@@ -81,8 +81,14 @@ LAYOUTS: Mapping[str, Layout] = {
         },
     ),
     "plain": Layout(),
+    CORPUS: Layout(
+        fps=SYSTEMS["codetalker-demo"].fps,
+        seen=SYSTEMS["codetalker-demo"].styles,
+        splits={name: Split((), range(0)) for name in ("test", "val", "train")},
+    ),
 }
-"""`plain`: the same folders, any subjects, every clip, truth at the rate of the model."""
+"""`plain`: the same folders, any subjects, every clip, truth at the rate of the model. `corpus`: a
+generated corpus, which says itself which clip is in which split; see `corpus_data`."""
 
 
 @dataclass(frozen=True)

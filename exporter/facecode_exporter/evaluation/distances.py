@@ -7,13 +7,14 @@ other in every style, as the public CodeTalker code does.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from facecode.animator import Animator, Mode
-from facecode.arrays import AnyArray
+from facecode.arrays import AnyArray, Codes
 from facecode_exporter.errors import EvaluationError
 from facecode_exporter.evaluation.data_set import DataSet, subject_of
 from facecode_exporter.evaluation.metrics import Score, score
@@ -42,6 +43,8 @@ class ScoredClip:
     score: Score
     n_cut_prediction: int
     n_cut_truth: int
+    codes: Codes | None = None
+    """(T, H) where the prediction is a bundle's"""
 
 
 def find_predictions(folder: Path, data: DataSet) -> Mapping[Take, Path]:
@@ -127,7 +130,8 @@ def score_animations(
             window=window,
             template=data.template(take.clip),
         )
-        yield _scored(take, animation.vertices, data, regions)
+        scored = _scored(take, animation.vertices, data, regions)
+        yield dataclasses.replace(scored, codes=animation.codes)
 
 
 def _judged_styles(clip: str, styles: Sequence[T]) -> Sequence[T | str]:

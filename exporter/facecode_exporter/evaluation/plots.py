@@ -25,6 +25,7 @@ from facecode_exporter.evaluation.speech import SpokenClip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 ROW_S = 4.0
 """Seconds in one row; phone names stay readable."""
@@ -79,6 +80,15 @@ def plot_opening(clip: SpokenClip, path: Path) -> None:
     handles, labels = rows[0].get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
     figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=8, frameon=False)
+    save_figure(figure, path)
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a PNG, whole or not at all.
+
+    Raises:
+        OutputFolderError, OutputWriteError.
+    """
     picture = io.BytesIO()
     figure.savefig(picture, format="png", dpi=DPI)
     with writing(path) as file:

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from facecode.animator import Animator
 from facecode_exporter.evaluation.distances import ScoredClip
 from facecode_exporter.evaluation.lip_sync import Share, Verdict
 from facecode_exporter.evaluation.metrics import pooled
@@ -54,6 +55,23 @@ def distances_plain(clips: Sequence[ScoredClip]) -> Plain:
             for c in clips
         ],
     }
+
+
+def codes_line(clips: Sequence[ScoredClip], animator: Animator) -> str:
+    """How many codes of each part's codebook the clips use."""
+    shares = []
+    start = 0
+    for part in animator.parts:
+        columns = slice(start, start + part.codes_per_frame)
+        used = {
+            int(c)
+            for clip in clips
+            if clip.codes is not None
+            for c in np.unique(clip.codes[:, columns])
+        }
+        shares.append(f"{part.name} {len(used)} of {len(part.codebook.rows)}")
+        start = columns.stop
+    return f"codes in use: {', '.join(shares)}"
 
 
 def speech_table(clips: Sequence[SpokenClip], unit: str) -> str:

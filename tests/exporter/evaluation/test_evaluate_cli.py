@@ -93,7 +93,7 @@ def test_a_bundle_against_its_own_motion(data, region_args, tmp_path, capsys):
     code, out, err = evaluate(capsys, "bundle", *args)
     assert (code, err) == (0, "")
     lines = out.splitlines()
-    assert [line.split()[0] for line in lines[1:]] == ["a", "b", "c", "all"]
+    assert [line.split()[0] for line in lines[1:]] == ["a", "b", "c", "all", "codes"]
     assert lines[1].split()[3:] == ["0.0000e+00", "0.0000e+00", "0.0000e+00"]
     numbers = json.loads(report.read_text())
     assert [(c["clip"], c["style"]) for c in numbers["clips"]] == [
