@@ -18,10 +18,10 @@ SHARE_WITH_ECHO, SHARE_WITH_TILT = 0.4, 0.5
 ECHO_S = (0.15, 0.6)  # until it is 60 dB down
 ECHO_DB = (-22.0, -6.0)  # against the direct sound
 TILT_DB = (-3.0, 3.0)  # an octave, around 1 kHz
-NOISE_DB = (-70.0, -32.0)
+NOISE_DB = (-70.0, -26.0)
 LEVEL_DB = (-12.0, -1.0)
 EMPTY_DB = (-95.0, -15.0)
-SHARE_OF_ZEROS = 0.2
+SHARE_OF_ZEROS = 0.3
 
 
 def recorded(clean: Audio, rng: np.random.Generator) -> Audio:

@@ -19,14 +19,14 @@ from facecode_exporter.demo.prosody import frame_times
 from facecode_exporter.demo.styles import Style
 from facecode_exporter.demo.visemes import VOWELS
 
-# (seconds from the start, how far shut); 150 ms in all
-BLINK = ((0.0, 0.0), (0.06, 1.0), (0.09, 1.0), (0.15, 0.0))
+# (seconds from the start, how far shut); 230 ms in all
+BLINK = ((0.0, 0.0), (0.05, 1.0), (0.14, 1.0), (0.23, 0.0))
 SHORTEST_BETWEEN_BLINKS_S = 0.7
 TYPICAL_BLINKS_PER_S = 0.3
-PAUSE_S = 0.25  # silence that counts as a pause
-LIKELY = 0.9  # chance of what belongs to a sound
-FREE_BLINKS = 0.25  # share of a style's rate that comes at any time
-BLINK_STRESS = 1.2  # standard deviations above the mean vowel, at the typical rate
+PAUSE_S = 0.2  # silence that counts as a pause
+LIKELY = 0.9  # chance of what belongs to a stressed vowel
+FREE_BLINKS = 0.1  # share of a style's rate that comes at any time
+BLINK_STRESS = 1.5  # standard deviations above the mean vowel, at the typical rate
 RAISE_S = 0.16  # to the top of a brow raise, and 1.5 times as long down
 STRESSED = 0.6  # standard deviations above the mean vowel
 LOWERED = 0.3  # gaze in a pause
@@ -75,23 +75,24 @@ def _blinks(
     rng: Generator,
     times: Float32,
 ) -> Float32:
-    """(T,) 0 open to 1 shut: where pauses begin, after strong stress, and at random."""
+    """(T,) 0 open to 1 shut: where pauses begin, after most strong stresses, and at random."""
     total_s = float(times[-1]) if len(times) else 0.0
     rate = style.blinks_per_s / TYPICAL_BLINKS_PER_S
     free = style.blinks_per_s * (FREE_BLINKS if vowels else 1.0)
-    starts = list(rng.uniform(0, max(total_s, 1e-3), rng.poisson(free * total_s)))
-    heard = [p.start_s + 0.05 for p in _pauses(phones)]
-    heard += [
+    stressed = [
         v.end_s for v, s in zip(vowels, stress, strict=True) if s > BLINK_STRESS + 0.5 * (1 - rate)
     ]
-    starts += [start for start in heard if rng.random() < LIKELY]
+    starts = [p.start_s + 0.05 for p in _pauses(phones)]
+    for start in (
+        *(start for start in stressed if rng.random() < LIKELY),
+        *rng.uniform(0, max(total_s, 1e-3), rng.poisson(free * total_s)),
+    ):
+        if all(abs(start - other) > SHORTEST_BETWEEN_BLINKS_S for other in starts):
+            starts.append(start)
     shut = np.zeros(len(times))
-    last = -np.inf
-    for start in sorted(starts):
-        if start - last > SHORTEST_BETWEEN_BLINKS_S:
-            at, value = zip(*BLINK, strict=True)
-            shut = np.maximum(shut, np.interp(times - start, at, value, left=0, right=0))
-            last = start
+    at, value = zip(*BLINK, strict=True)
+    for start in starts:
+        shut = np.maximum(shut, np.interp(times - start, at, value, left=0, right=0))
     return np.asarray(shut, np.float32)
 
 

@@ -152,12 +152,10 @@ def test_eyes_blink_fully_and_weights_are_weights():
     assert (blinks > 0.5).mean() < 0.2
 
 
-def test_eyes_usually_blink_when_speech_pauses():
-    blinked = []
+def test_eyes_blink_when_speech_pauses():
     for seed in range(20):
         phones, weights = label(["AH", "T"] * 10, seed=seed)
-        blinked.append(during(weights[:, UNIT["eyeBlinkLeft"]], phones[-1]).max() > 0.6)
-    assert np.mean(blinked) >= 0.7
+        assert during(weights[:, UNIT["eyeBlinkLeft"]], phones[-1]).max() > 0.9
 
 
 def test_length_is_that_of_the_audio():
