@@ -21,6 +21,7 @@ from facecode_exporter.demo.corpus_files import (
     load_weights,
 )
 from facecode_exporter.demo.styles import STYLES
+from facecode_exporter.demo.utterance import NOBODY, SHARE_WITHOUT_SPEECH, make_utterance
 from facecode_exporter.errors import CorpusError
 
 pytest.importorskip("pocketsphinx", reason="needs the extra corpus")
@@ -48,7 +49,7 @@ def contents(folder):
 
 
 def test_a_clip_has_sound_labels_phones_and_text(corpus):
-    name = clip_names(corpus, "train")[0]
+    name = next(n for n in clip_names(corpus, "train") if load_voice(corpus, n) != NOBODY)
     audio, weights, phones = (f(corpus, name) for f in (load_clip_audio, load_weights, load_phones))
     assert weights.dtype == np.float16
     assert weights.shape == (len(audio) * 30 // 16000, 52)
@@ -68,9 +69,20 @@ def test_clips_are_named_after_styles(corpus):
 
 def test_voices_for_the_test_are_not_heard_in_training(corpus):
     voices = load_about(corpus)["voices"]
-    heard = {load_voice(corpus, name) for name in clip_names(corpus, "train")}
+    heard = {load_voice(corpus, name) for name in clip_names(corpus, "train")} - {NOBODY}
     assert heard
     assert not [name for name in heard if voices[name]["held_out"]]
+
+
+def test_some_recordings_have_no_speech(monkeypatch):
+    assert 0 < SHARE_WITHOUT_SPEECH < 0.2
+    monkeypatch.setattr("facecode_exporter.demo.utterance.SHARE_WITHOUT_SPEECH", 1.0)
+    for number in range(12):
+        said = make_utterance((5, 0, number), "train", None, [], [])
+        assert (said.text, said.voice, [p.name for p in said.phones]) == ("", NOBODY, ["SIL"])
+        assert 1.4 < len(said.audio) / 16_000 == said.phones[0].end_s < 6.1
+        assert np.isfinite(said.audio).all()
+        assert np.abs(said.audio).max() <= 1
 
 
 def test_styles_share_some_utterances_and_move_differently(corpus):
