@@ -18,14 +18,14 @@ from facecode.errors import MissingExtraError, NoFacesError
 
 if TYPE_CHECKING:
     from facecode.animation import Animation
-    from facecode.render.picture import Picture
+    from facecode.render.paint import Picture
 
 SIZE = 640  # pixels a side
 SOUND_RATE = 48000
 """The encoder starts 1,024 samples late, which the file tells players to skip. The editors that
 do not skip are 21 ms late at this rate, under a frame; at a model's 16 kHz it would be 64 ms."""
 BLOCK = 1024
-QUALITY = {"crf": "18", "preset": "fast"}
+QUALITY = {"crf": "18", "preset": "veryfast"}
 BITS_PER_S = 128_000
 BT709 = 1
 HEADER_BYTES, BYTES_PER_PACKET = 4096, 32
@@ -97,7 +97,7 @@ def _picture_stream(film: Any, rate: Fraction) -> Any:  # noqa: ANN401
 
 
 def _picture(av: Any, pixels: Any, index: int, rate: Fraction) -> Any:  # noqa: ANN401
-    frame = av.VideoFrame.from_ndarray(pixels, format="rgb24")
+    frame = av.VideoFrame.from_ndarray(pixels, format="gbrp")  # planar, as it is drawn
     frame = frame.reformat(format="yuv420p", dst_colorspace="ITU709")
     frame.pts, frame.time_base = index, 1 / rate
     return frame
