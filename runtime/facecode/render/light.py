@@ -52,15 +52,17 @@ def shade(normals: Float32, colours: Float32, openness: Float32) -> Float32:
     row = (y / length + BALL / 2).astype(np.int64)
     row *= BALL
     row += column
-    light = np.stack([channel[row] for channel in _BALL[:3]])
-    light *= colours
-    light += _BALL[3][row]
-    light *= openness
+    *skin, gloss = np.take(_BALL, row, axis=0).T
+    light = np.empty_like(colours)
+    for channel, reflected, colour in zip(light, skin, colours, strict=True):
+        np.multiply(reflected, colour, out=channel)
+        channel += gloss
+        channel *= openness
     return light
 
 
 def _lit_ball() -> Float32:
-    """(4, BALL * BALL): linear RGB on white skin and the highlight, by a normal's (y, x).
+    """(BALL * BALL, 4): linear RGB on white skin and the highlight, by a normal's (y, x).
 
     Light depends on the normal alone, so it is computed once, on a ball.
     """
@@ -73,23 +75,24 @@ def _lit_ball() -> Float32:
     sky = GROUND[:, None] + (SKY - GROUND)[:, None] * (0.5 + 0.5 * y)
     gloss = GLOSS * np.maximum(HALF @ normals, 0) ** SHARPNESS
     sheen = SHEEN * (1 - normals[2]) ** 4 * np.maximum(incident[2] + 0.6, 0)
-    return np.concatenate([lamps + sky, (gloss + sheen)[None]]).astype(np.float32)
+    light = np.concatenate([lamps + sky, (gloss + sheen)[None]])
+    return np.ascontiguousarray(light.T, np.float32)
 
 
 def background(size: int) -> Float32:
-    """(size * size, 3) linear: light grey behind the face, mid-grey at the edges."""
+    """(3, size, size) linear: light grey behind the face, mid-grey at the edges."""
     along = (np.arange(size, dtype=np.float32) + 0.5) / size - 0.5
     away = np.sqrt(along[None] ** 2 + ((along + 0.12) * 0.9)[:, None] ** 2)
     grey = 0.60 - 0.46 * np.clip(away / 0.75, 0, 1) ** 1.3
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, grey.shape)  # no bands after rounding
     tint = np.array([0.98, 1.0, 1.03], np.float32)
-    return ((grey + noise * 0.004)[..., None] * tint).reshape(-1, 3).astype(np.float32)
+    return np.asarray((grey + noise * 0.004) * tint[:, None, None], np.float32)
 
 
 def to_srgb(light: Float32) -> NDArray[np.uint8]:
     """Linear light to sRGB uint8 with a soft shoulder, any shape."""
-    step = np.minimum(light * np.float32(_STEPS / 2), _STEPS - 1).astype(np.int64)
-    return np.asarray(_CURVE[step], np.uint8)
+    step = (light * np.float32(_STEPS / 2)).astype(np.int64)
+    return np.asarray(np.take(_CURVE, step, mode="clip"))
 
 
 def _curve() -> NDArray[np.uint8]:

@@ -1,8 +1,6 @@
 """Frames of a clip as pictures, without a display or a GPU.
 
-Comes in: a template with faces, its motion, colours. Goes out: (size, size, 3) uint8 sRGB. Every
-pixel has SAMPLES x SAMPLES samples for its edges; where all of them lie on one smooth stretch of
-skin it is shaded once, as multisampling does.
+Comes in: a template with faces, its motion, colours. Goes out: (size, size, 3) uint8 sRGB.
 """
 
 from __future__ import annotations
@@ -13,24 +11,21 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
 from facecode.arrays import Colours, Faces, Float32, Offsets, Template
 from facecode.render import light, raster
 from facecode.render.camera import Camera, spread
 from facecode.render.occlusion import openness
+from facecode.render.outline import Outline, steps
+from facecode.render.paint import Picture, edge_light, paint_once
+from facecode.render.region import Mask, Region
+from facecode.render.rows import Int, cross
+from facecode.render.surface import Planes, outward, shells, vertex_normals
 
-SAMPLES = 2
-WORKERS = 2  # threads: numpy holds the interpreter for part of the work: 0 to 40 % over one
+WORKERS = 2  # threads: numpy holds the interpreter for part of the work
 LOOKED_AT, POSES = 64, 2  # frames of the clip that are compared, and chosen to see how open it is
-SMOOTH = 6e-4  # step in nearness within a pixel, as a share, that is still one surface
-CHUNK = 1 << 14  # pixels shaded at a time: what they need stays in the cache
 UNNOTICED = 1e-4  # share of the face's pixels
 DIMMEST = 0.25  # openness of the deepest crevice
-INSIDE = 0.12  # share of the light for a surface seen from behind
-
-Picture = NDArray[np.uint8]
-_OFFSETS = [(i + 0.5) / SAMPLES for i in range(SAMPLES)]
 
 
 class Renderer:
@@ -46,8 +41,8 @@ class Renderer:
     ) -> None:
         """Frame the clip of offsets (T, V, 3) for square pictures of `size` pixels."""
         self.size, self.template, self.offsets = size, template, offsets
-        self.faces = _outward(template, faces)
-        self._shell = _shells(self.faces, len(template))
+        self.faces = outward(template, faces)
+        self._shell, self._outline = shells(self.faces, len(template)), Outline(self.faces)
         self._camera = Camera.framing(template, offsets)
         if colours is None:
             colours = np.broadcast_to(np.array(light.CLAY, np.uint8), template.shape)
@@ -55,28 +50,51 @@ class Renderer:
         poses = self._poses()
         self._openness = self._seen_openness(poses)
         self._two_sided = any(self._shows_inside(pose) for pose in poses)
-        self._background = light.to_srgb(light.background(size)).reshape(size, size, 3)
+        self._light_behind = light.background(size)
+        self._background = light.to_srgb(self._light_behind)
 
     def frame(self, index: int) -> Picture:
-        """Frame `index` as (size, size, 3) uint8."""
+        """Frame `index` as (size, size, 3) uint8, planar in memory."""
         vertices = self.template + self.offsets[index]
-        screen = self._camera.project(vertices, self.size * SAMPLES)
-        picture: Picture = self._background.copy()
+        screen = self._camera.project(vertices, self.size)
         box = _box(screen, self.size)
         if box is None:
-            return picture
+            return np.asarray(self._background.copy().transpose(1, 2, 0))
         rows, columns = box
-        screen[:2] -= [[columns.start * SAMPLES], [rows.start * SAMPLES]]
-        height, width = rows.stop - rows.start, columns.stop - columns.start
-        drawn = slice(None) if self._two_sided else _in_front(screen, self.faces)
+        screen[:2] -= [[columns.start], [rows.start]]
+        picture = self._background.copy()  # planar: pixels are written three times as fast
+        behind = self._light_behind[:, rows, columns]
+        picture[:, rows, columns] = self._drawn(vertices, screen, picture[:, rows, columns], behind)
+        return np.asarray(picture.transpose(1, 2, 0))
+
+    def _drawn(
+        self, vertices: Template, screen: Float32, picture: Picture, behind: Float32
+    ) -> Picture:
+        """The face, at `screen`, over picture (3, height, width): in linear light, `behind`."""
+        shape = height, width = picture.shape[1:]
+        facing = _facing(screen, self.faces)
+        drawn = np.arange(len(self.faces)) if self._two_sided else np.flatnonzero(facing)
+        if not len(drawn):
+            return picture
         faces = self.faces[drawn]
-        keys = raster.draw(screen, faces, (height * SAMPLES, width * SAMPLES))
-        keys = keys.reshape(height, SAMPLES, width, SAMPLES)
-        planes = _Planes(screen, faces, self._attributes(vertices), self._shell[drawn])
-        behind = picture[rows, columns].reshape(-1, 3)
-        _paint(behind, _planar(keys), planes, width)
-        picture[rows, columns] = behind.reshape(height, width, 3)
-        return picture
+        keys = raster.draw(screen, faces, (height, width))
+        mixed = self._mixed(screen, keys.reshape(shape), self._shell[drawn], facing)
+        planes = Planes(screen, faces, self._attributes(vertices))
+        painted = picture.reshape(3, -1)
+        once = np.flatnonzero((keys > 0) & ~mixed.ravel())
+        paint_once(painted, once, keys, planes, width)
+        region = Region(mixed)
+        nothing = np.take(behind.reshape(3, -1), region.pixels, axis=1)
+        seen = edge_light(region, screen, faces, planes, nothing)
+        painted[:, region.pixels] = light.to_srgb(seen)
+        return painted.reshape(picture.shape)
+
+    def _mixed(self, screen: Float32, keys: raster.Keys, shell: Int, facing: Mask) -> Mask:
+        """(height, width) pixels that may show more than one stretch of skin."""
+        near = raster.nearness_of(keys)
+        mask = steps(near, np.take(shell, raster.triangle_of(keys)))
+        mask.ravel()[self._outline.pixels(screen, near, facing, self._two_sided)] = True
+        return mask
 
     def frames(self, workers: int = WORKERS) -> Iterator[Picture]:
         """All frames in order; a few are drawn ahead in threads while the caller has the last."""
@@ -114,45 +132,18 @@ class Renderer:
     def _shows_inside(self, pose: Template) -> bool:
         """Whether the camera sees back sides, as through the open mouth of a face without a throat.
 
-        Where it does not, they are not drawn, which saves 22 of 64 ms a head.
+        Where it does not, they are not drawn, which saves a third of the time.
         """
         screen = self._camera.project(pose, self.size)
         keys = raster.draw(screen, self.faces, (self.size, self.size))
-        seen = np.unique(raster.triangle_of(keys[keys > 0]), return_counts=True)
-        behind = ~np.isin(seen[0], _in_front(screen, self.faces))
-        return bool(seen[1][behind].sum() > UNNOTICED * seen[1].sum())
+        seen = np.bincount(raster.triangle_of(keys[keys > 0]), minlength=len(self.faces))
+        return bool(seen[~_facing(screen, self.faces)].sum() > UNNOTICED * seen.sum())
 
 
-def _planar(keys: raster.Keys) -> list[raster.Keys]:
-    """Keys (height, SAMPLES, width, SAMPLES) as SAMPLES^2 arrays (height * width,)."""
-    each = range(SAMPLES)
-    return [keys[:, down, :, right].ravel() for down in each for right in each]
-
-
-def _paint(picture: Picture, keys: list[raster.Keys], planes: _Planes, width: int) -> None:
-    """Paint samples, SAMPLES^2 times (n,), over picture (n, 3), rows of `width` pixels."""
-    nearest, farthest = reduce(np.maximum, keys), reduce(np.minimum, keys)
-    touched = np.flatnonzero(nearest)
-    near, far = (raster.nearness_of(side[touched]) for side in (nearest, farthest))
-    smooth = far > near * np.float32(1 - SMOOTH)
-    shells = [planes.shell[raster.triangle_of(samples[touched])] for samples in keys]
-    for shell in shells[1:]:
-        smooth &= shell == shells[0]
-    once, mixed = touched[smooth], touched[~smooth]
-    for start in range(0, len(once), CHUNK):
-        pixel = once[start : start + CHUNK]
-        seen = planes.shade(raster.triangle_of(keys[0][pixel]), *_position(pixel, width, 0.5, 0.5))
-        picture[pixel] = light.to_srgb(seen).T
-    behind = light.linear(picture[mixed])
-    total = np.zeros_like(behind)
-    for sample, samples in enumerate(keys):
-        there = samples[mixed] > 0
-        down, right = np.divmod(sample, SAMPLES)
-        pixel = mixed[there]
-        position = _position(pixel, width, _OFFSETS[right], _OFFSETS[down])
-        total[there] += planes.shade(raster.triangle_of(samples[pixel]), *position).T
-        total[~there] += behind[~there]
-    picture[mixed] = light.to_srgb(total / np.float32(SAMPLES**2))
+def _facing(screen: Float32, faces: Faces) -> Mask:
+    """(F,) which triangles show their outer side."""
+    x, y = np.take(screen[:2], faces.T, axis=1)
+    return cross(x, y) < 0
 
 
 def _box(screen: Float32, size: int) -> tuple[slice, slice] | None:
@@ -160,85 +151,7 @@ def _box(screen: Float32, size: int) -> tuple[slice, slice] | None:
     finite = screen[:2, np.isfinite(screen).all(axis=0)]
     if not finite.size:
         return None
-    x, y = finite / SAMPLES
+    x, y = finite
     left, top = max(int(x.min()) - 1, 0), max(int(y.min()) - 1, 0)
     right, bottom = min(int(x.max()) + 2, size), min(int(y.max()) + 2, size)
     return (slice(top, bottom), slice(left, right)) if left < right and top < bottom else None
-
-
-class _Planes:
-    """Attributes over the screen: of each triangle the value at a corner and two gradients."""
-
-    def __init__(
-        self, screen: Float32, faces: Faces, attributes: Float32, shell: NDArray[np.int64]
-    ) -> None:
-        self.shell = shell
-        (x, y), values = screen[:2, faces] / SAMPLES, attributes[:, faces]
-        area = raster.cross(x, y)
-        with np.errstate(divide="ignore", invalid="ignore"):  # triangles that nobody sees
-            by_x, by_y = raster.gradients(x, y, values, area)
-        self._x, self._y, self._from_behind = x[:, 0], y[:, 0], area > 0
-        self._table = np.stack([values[..., 0], by_x, by_y])
-
-    def shade(self, triangle: NDArray[np.int64], x: Float32, y: Float32) -> Float32:
-        """Linear RGB (3, n) of samples at pixels x, y on their triangles."""
-        x -= self._x[triangle]
-        y -= self._y[triangle]
-        at_corner, by_x, by_y = np.take(self._table, triangle, axis=2)
-        by_x *= x
-        by_y *= y
-        at_corner += by_x
-        at_corner += by_y
-        # A pixel's centre may lie just outside its triangle: nothing may run out of range there.
-        np.clip(at_corner[3:], 0, 1, out=at_corner[3:])
-        seen = light.shade(at_corner[:3], at_corner[3:6], at_corner[6])
-        seen *= np.where(self._from_behind[triangle], np.float32(INSIDE), np.float32(1))
-        return seen
-
-
-def vertex_normals(vertices: Template, faces: Faces) -> Template:
-    """(V, 3) unit normals, each the mean of its triangles' by area."""
-    corners = vertices[faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    across[~np.isfinite(across).all(axis=1)] = 0
-    total = np.stack(
-        [
-            np.bincount(faces.ravel(), np.repeat(across[:, axis], 3), len(vertices))
-            for axis in range(3)
-        ],
-        axis=1,
-    )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.asarray(total / np.where(length > 0, length, 1), np.float32)
-
-
-def _shells(faces: Faces, n_vertices: int) -> NDArray[np.int64]:
-    """(F,) a number for each connected piece: brows and eyeballs lie close to the skin."""
-    piece = np.arange(n_vertices)
-    while True:
-        least = piece.copy()
-        np.minimum.at(least, faces, piece[faces].min(axis=1, keepdims=True))
-        least = least[least]
-        if np.array_equal(least, piece):
-            return piece[faces[:, 0]]
-        piece = least
-
-
-def _outward(template: Template, faces: Faces) -> Faces:
-    """Faces with their corners counter-clockwise seen from outside, as their volume tells."""
-    one, two, three = (template - template.mean(axis=0))[faces].transpose(1, 0, 2)
-    volume = np.einsum("fi,fi->", one, np.cross(two, three))
-    return faces if volume >= 0 else np.ascontiguousarray(faces[:, ::-1])
-
-
-def _in_front(screen: Float32, faces: Faces) -> NDArray[np.int64]:
-    """Indices of the triangles that show their outer side."""
-    x, y = screen[:2, faces]
-    return np.flatnonzero(raster.cross(x, y) < 0)
-
-
-def _position(
-    pixel: NDArray[np.int64], size: int, right: float, down: float
-) -> tuple[Float32, Float32]:
-    y, x = np.divmod(pixel, size)
-    return np.asarray(x + right, np.float32), np.asarray(y + down, np.float32)

@@ -1,12 +1,13 @@
 """A film to look at: H.264 and, where the clip has audio, AAC, in an .mp4 that starts at once.
 
-Comes in: an animation with faces. Goes out: a square picture per frame of motion and the speech,
-cut or padded to the same length. Knows nothing of triangles or light.
+Comes in: an animation with faces, or several. Goes out: a square picture of each per frame of
+motion, in a row, and the speech, cut or padded to the same length. Knows nothing of triangles or
+light.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -18,14 +19,16 @@ from facecode.errors import MissingExtraError, NoFacesError
 
 if TYPE_CHECKING:
     from facecode.animation import Animation
-    from facecode.render.picture import Picture
+    from facecode.render.paint import Picture
+    from facecode.render.picture import Renderer
 
 SIZE = 640  # pixels a side
+PANEL = 360  # of one of several faces
 SOUND_RATE = 48000
 """The encoder starts 1,024 samples late, which the file tells players to skip. The editors that
 do not skip are 21 ms late at this rate, under a frame; at a model's 16 kHz it would be 64 ms."""
 BLOCK = 1024
-QUALITY = {"crf": "18", "preset": "fast"}
+QUALITY = {"crf": "18", "preset": "veryfast"}
 BITS_PER_S = 128_000
 BT709 = 1
 HEADER_BYTES, BYTES_PER_PACKET = 4096, 32
@@ -49,24 +52,48 @@ def write_mp4(animation: Animation, file: BinaryIO, progress: bool = False) -> N
         NoFacesError: the clip has no triangles.
         MissingExtraError: av is not installed.
     """
-    av = _av()
-    if animation.faces is None:
-        raise NoFacesError.to_write(".mp4")
-    from facecode.render.picture import Renderer
+    _write([animation], file, progress, SIZE)
 
-    n_frames, rate = len(animation.offsets), Fraction(animation.fps).limit_denominator(1001)
-    sound = _sound(animation, n_frames / rate)
+
+def write_side_by_side(
+    animations: Sequence[Animation], file: BinaryIO, progress: bool = False
+) -> None:
+    """Several faces in a row, PANEL pixels each, and the sound of the first.
+
+    Each is framed by itself, as it would be alone.
+
+    Args:
+        animations: one or more, of one rate and number of frames.
+        file: open, binary, can seek.
+        progress: show a bar on stderr.
+
+    Raises:
+        ValueError: there are none, or they are not of one rate and length.
+        NoFacesError: one has no triangles.
+        MissingExtraError: av is not installed.
+    """
+    lengths = {(len(each.offsets), each.fps) for each in animations}
+    if len(lengths) != 1:
+        raise ValueError(
+            f"expected clips of one rate and number of frames, got (frames, fps) {sorted(lengths)}"
+        )
+    _write(animations, file, progress, PANEL)
+
+
+def _write(animations: Sequence[Animation], file: BinaryIO, progress: bool, size: int) -> None:
+    av = _av()
+    first = animations[0]
+    n_frames, rate = len(first.offsets), Fraction(first.fps).limit_denominator(1001)
+    renderers = [_renderer(animation, size) for animation in animations]
+    sound = _sound(first, n_frames / rate)
     n_packets = n_frames + (0 if sound is None else 2 + len(sound) // BLOCK)
     room = {"moov_size": str(HEADER_BYTES + BYTES_PER_PACKET * n_packets)}
-    renderer = Renderer(
-        animation.template, animation.offsets, animation.faces, animation.colours, SIZE
-    )
     with av.open(file, "w", format="mp4", options=room) as film:
-        pictures = _picture_stream(film, rate)
+        pictures = _picture_stream(film, rate, size * len(animations), size)
         if sound is not None:
             speech = film.add_stream("aac", rate=SOUND_RATE, layout="mono", bit_rate=BITS_PER_S)
         heard = 0
-        for index, pixels in enumerate(_counted(renderer.frames(), n_frames, progress)):
+        for index, pixels in enumerate(_counted(_in_a_row(renderers), n_frames, progress)):
             film.mux(pictures.encode(_picture(av, pixels, index, rate)))
             if sound is not None:  # side by side, so that a player need not seek
                 until = len(sound) if index + 1 == n_frames else _samples_by(index + 1, rate)
@@ -78,6 +105,25 @@ def write_mp4(animation: Animation, file: BinaryIO, progress: bool = False) -> N
             film.mux(speech.encode(None))
 
 
+def _renderer(animation: Animation, size: int) -> Renderer:
+    from facecode.render.picture import Renderer
+
+    if animation.faces is None:
+        raise NoFacesError.to_write(".mp4")
+    return Renderer(animation.template, animation.offsets, animation.faces, animation.colours, size)
+
+
+def _in_a_row(renderers: Sequence[Renderer]) -> Iterator[Picture]:
+    """Frames (height, width, 3), planar in memory as the encoder takes them."""
+    if len(renderers) == 1:
+        yield from renderers[0].frames()
+        return
+    each = [renderer.frames(workers=1) for renderer in renderers]
+    for pictures in zip(*each, strict=True):
+        planes = [np.moveaxis(picture, 2, 0) for picture in pictures]
+        yield np.moveaxis(np.concatenate(planes, axis=2), 0, 2)
+
+
 def _av() -> ModuleType:
     try:
         import av
@@ -86,9 +132,9 @@ def _av() -> ModuleType:
     return av
 
 
-def _picture_stream(film: Any, rate: Fraction) -> Any:  # noqa: ANN401
+def _picture_stream(film: Any, rate: Fraction, width: int, height: int) -> Any:  # noqa: ANN401
     stream = film.add_stream("h264", rate=rate, options=QUALITY)
-    stream.width = stream.height = SIZE
+    stream.width, stream.height = width, height
     stream.pix_fmt = "yuv420p"
     context = stream.codec_context
     context.time_base = 1 / rate
@@ -97,7 +143,7 @@ def _picture_stream(film: Any, rate: Fraction) -> Any:  # noqa: ANN401
 
 
 def _picture(av: Any, pixels: Any, index: int, rate: Fraction) -> Any:  # noqa: ANN401
-    frame = av.VideoFrame.from_ndarray(pixels, format="rgb24")
+    frame = av.VideoFrame.from_ndarray(pixels, format="gbrp")  # planar, as it is drawn
     frame = frame.reformat(format="yuv420p", dst_colorspace="ITU709")
     frame.pts, frame.time_base = index, 1 / rate
     return frame
