@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 from facecode.arrays import Faces
 from facecode.errors import NoFacesError, OutputSuffixError
 from facecode.writers.atomic import check_folder, writing
-from facecode.writers.mp4 import check_mp4, write_mp4
+from facecode.writers.mp4 import check_mp4, write_mp4, write_side_by_side
 from facecode.writers.npz import write_npz, write_takes_npz
 
 if TYPE_CHECKING:
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 Writer: TypeAlias = "Callable[[Animation, BinaryIO, bool], None]"
 """(animation, an open file, whether to show progress on stderr)"""
 WRITERS: dict[str, Writer] = {".npz": write_npz, ".mp4": write_mp4}
-TAKES_WRITERS: dict[str, Callable[[Takes, BinaryIO, bool], None]] = {".npz": write_takes_npz}
+TAKES_WRITERS: dict[str, Callable[[Takes, BinaryIO, bool], None]] = {
+    ".npz": write_takes_npz,
+    ".mp4": lambda takes, file, progress: write_side_by_side(takes.clips, file, progress),
+}
 """The same for several faces of one recording."""
 CHECKS: dict[str, Callable[[], None]] = {".mp4": check_mp4}
 """What a format needs that may not be installed."""
