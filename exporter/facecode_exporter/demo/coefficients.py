@@ -27,7 +27,7 @@ from facecode_exporter.demo.head import Head
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_spec.schema import SystemSpec
 
-LIP_WEIGHT, EYE_WEIGHT = 8.0, 6.0
+LIP_WEIGHT, EYE_WEIGHT = 24.0, 5.0
 """How much more a vertex of the lips, or of eyelids and brows, counts than another one in squared
 distances."""
 EYE_UNITS = ("eyeBlink", "brow")
