@@ -21,7 +21,7 @@ from facecode.template import load_template, read_mesh
 from facecode_exporter import parity
 from facecode_exporter.checkpoints import file_sha256
 from facecode_exporter.graphs import export_graph
-from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.nets.cdface import Trained
 from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.output_folder import replacing
 from facecode_exporter.views import (
@@ -32,9 +32,12 @@ from facecode_exporter.views import (
 )
 from facecode_spec.graphs import (
     OPSET,
+    SPEECH_ENCODER,
     GraphSpec,
     decoder_step,
     motion_decoder,
+    part_file,
+    part_graphs,
     speech_encoder,
     vertex_head,
 )
@@ -48,12 +51,14 @@ from facecode_spec.manifest import (
     PartEntry,
     SourceEntry,
 )
+from facecode_spec.schema import PartSpec, SystemSpec
 
 LICENCE = (
     "The weights keep the licence of the checkpoints named under 'sources'. Models trained on "
     "VOCASET or BIWI are for non-commercial research, as those data sets are."
 )
-CODEBOOK, TEMPLATE = "codebook.npy", "template.npy"
+CODEBOOK, VERTICES = "codebook", "vertices"
+TEMPLATE = "template.npy"
 FACES, COLOURS = "faces.npy", "colours.npy"
 
 
@@ -72,6 +77,8 @@ class Neutral:
     lip_pair: tuple[int, int] | None = None
     identities: Mapping[str, AnyArray] = field(default_factory=dict)
     """further templates (V, 3)"""
+    parts: Mapping[str, Indices] = field(default_factory=dict)
+    """vertex indices (n,) of each part of the face, for systems of several"""
     given: bool = True
 
 
@@ -87,19 +94,29 @@ def read_neutral(template: Path | None, n_vertices: int) -> Neutral:
     return Neutral(load_template(vertices, n_vertices), faces)
 
 
-def views_of(net: CodeTalker) -> list[tuple[GraphSpec, nn.Module]]:
-    """Every graph of the system with the module that computes it."""
-    system, part = net.system, net.part
-    return [
-        (speech_encoder(system), SpeechEncoderView(net)),
-        (decoder_step(system, part), DecoderStepView(net)),
-        (motion_decoder(part), MotionDecoderView(net)),
-        (vertex_head(system, part), VertexHeadView(net)),
+def views_of(net: Trained) -> list[tuple[GraphSpec, nn.Module]]:
+    """Every graph of the system with the module that computes it, part by part."""
+    system = net.system
+    views: list[tuple[GraphSpec, nn.Module]] = [(speech_encoder(system), SpeechEncoderView(net))]
+    for part in net.part_nets:
+        views += [
+            (decoder_step(system, part.part), DecoderStepView(part)),
+            (motion_decoder(part.part), MotionDecoderView(part)),
+            (vertex_head(system, part.part), VertexHeadView(part)),
+        ]
+    return views
+
+
+def graph_files(system: SystemSpec) -> list[str]:
+    """File names of the graphs, in the order of `views_of`."""
+    names = [
+        part_file(system, part, g.name) for part in system.parts for g in part_graphs(system, part)
     ]
+    return [f"{name}.onnx" for name in (SPEECH_ENCODER, *names)]
 
 
 def write_bundle(
-    net: CodeTalker,
+    net: Trained,
     out: Path,
     neutral: Neutral,
     sources: Mapping[str, Path],
@@ -113,12 +130,12 @@ def write_bundle(
     """
     with (
         replacing(out, MANIFEST_NAME) as folder,
-        tqdm(total=6, desc="export", disable=not progress) as bar,
+        tqdm(total=3 * len(net.part_nets) + 3, desc="export", disable=not progress) as bar,
     ):
         views = views_of(net)
-        for spec, view in views:
-            bar.set_postfix_str(spec.name)
-            export_graph(view, spec, folder / f"{spec.name}.onnx")
+        for (spec, view), file in zip(views, graph_files(net.system), strict=True):
+            bar.set_postfix_str(file)
+            export_graph(view, spec, folder / file)
             bar.update()
         _write_arrays(net, folder, neutral)
         manifest = _manifest(net, folder, neutral, sources, licence)
@@ -132,7 +149,7 @@ def write_bundle(
 
 
 def check_bundle(
-    net: CodeTalker, folder: Path, views: list[tuple[GraphSpec, nn.Module]]
+    net: Trained, folder: Path, views: list[tuple[GraphSpec, nn.Module]]
 ) -> ParityReport:
     """Reopen the bundle with the runtime and compare it with torch.
 
@@ -140,41 +157,56 @@ def check_bundle(
         ParityError
     """
     animator = Animator(Bundle.open(folder))
-    graphs = {g.name: g for g in graphs_of(animator)}
-    errors = parity.compare_graphs([(s, v, graphs[s.name]) for s, v in views])
+    errors = parity.compare_graphs(
+        [(s, v, g) for (s, v), g in zip(views, graphs_of(animator), strict=True)]
+    )
     cases = [parity.compare_clip(net, animator, case) for case in parity_cases(net)]
     parity.require_parity(cases)
     return parity.report(errors, cases)
 
 
 def graphs_of(animator: Animator) -> list[Graph]:
-    """The loaded graphs of an animator."""
-    (part,) = animator.parts
-    return [
-        animator.speech_encoder,
-        part.decoder_step,
-        part.motion_decoder,
-        part.vertex_head,
-    ]
+    """The loaded graphs of an animator, in the order of `views_of`."""
+    parts = [(p.decoder_step, p.motion_decoder, p.vertex_head) for p in animator.parts]
+    return [animator.speech_encoder, *(graph for part in parts for graph in part)]
 
 
-def parity_cases(net: CodeTalker) -> Iterator[parity.Case]:
-    """Real speech, 1, 2 and 3 frames long and past the period, each in another style."""
+def parity_cases(net: Trained) -> Iterator[parity.Case]:
+    """Real speech, 1, 2 and 3 frames long and past the period, each in another style.
+
+    Where parts have several samples, short clips take all of them and the last two of each; with
+    several parts a further case holds the first one.
+    """
     system = net.system
     speech = load_audio(SPEECH, system.speech_encoder.sample_rate)
     styles = np.eye(len(system.styles), dtype=np.float32)
     mix = np.full(len(system.styles), 1 / len(system.styles), dtype=np.float32)
-    lengths = (1, 2, 3, net.part.cross_modal_decoder.period + 7)
-    for i, n_frames in enumerate(lengths):
+    longest = max(part.cross_modal_decoder.period for part in system.parts) + 7
+    every = {part.name: part.n_samples for part in system.parts}
+    two = {name: min(n, 2) for name, n in every.items()}
+    for i, (n_frames, samples) in enumerate(
+        zip((1, 2, 3, longest), (every, every, every, two), strict=True)
+    ):
         n_samples = samples_for(system.speech_encoder, system.fps, n_frames)
         start = 4000 * i
-        weights = mix if i == len(lengths) - 1 else styles[i % len(styles)]
-        yield parity.Case(speech[start : start + n_samples], weights)
+        weights = mix if n_frames == longest else styles[i % len(styles)]
+        yield parity.Case(speech[start : start + n_samples], weights, samples)
+    if len(system.parts) > 1:
+        first, n_samples = system.parts[0], samples_for(system.speech_encoder, system.fps, 5)
+        codes = np.random.default_rng(0).integers(
+            0, first.codebook.n_codes, (5, first.codebook.codes_per_frame)
+        )
+        held = {name: n for name, n in two.items() if name != first.name}
+        yield parity.Case(speech[:n_samples], mix, held, {first.name: codes})
 
 
-def _write_arrays(net: CodeTalker, folder: Path, neutral: Neutral) -> None:
-    codebook = net.autoencoder.quantize.embedding.weight.detach().numpy()
-    np.save(folder / CODEBOOK, codebook)
+def _write_arrays(net: Trained, folder: Path, neutral: Neutral) -> None:
+    for part in net.part_nets:
+        codebook = part.autoencoder.quantize.embedding.weight.detach().numpy()
+        np.save(folder / _array_file(net.system, part.part, CODEBOOK), codebook)
+        if len(net.part_nets) > 1:
+            own = neutral.parts[part.part.name].astype(np.int32)
+            np.save(folder / _array_file(net.system, part.part, VERTICES), own)
     np.save(folder / TEMPLATE, neutral.vertices.astype(np.float32))
     if neutral.faces is not None:
         np.save(folder / FACES, neutral.faces)
@@ -184,6 +216,10 @@ def _write_arrays(net: CodeTalker, folder: Path, neutral: Neutral) -> None:
         np.save(folder / _region_file(name), indices.astype(np.int32))
     for name, vertices in neutral.identities.items():
         np.save(folder / _identity_file(name), vertices.astype(np.float32))
+
+
+def _array_file(system: SystemSpec, part: PartSpec, name: str) -> str:
+    return f"{part_file(system, part, name)}.npy"
 
 
 def _region_file(name: str) -> str:
@@ -199,17 +235,13 @@ def _write_manifest(folder: Path, manifest: Manifest) -> None:
 
 
 def _manifest(
-    net: CodeTalker,
+    net: Trained,
     folder: Path,
     neutral: Neutral,
     sources: Mapping[str, Path],
     licence: str,
 ) -> Manifest:
-    system, part = net.system, net.part
-
-    def graph(spec: GraphSpec) -> GraphEntry:
-        return GraphEntry.of(f"{spec.name}.onnx", spec)
-
+    system = net.system
     return Manifest(
         format_version=FORMAT_VERSION,
         name=system.name,
@@ -231,16 +263,8 @@ def _manifest(
         lip_pair=neutral.lip_pair,
         identities={name: _identity_file(name) for name in neutral.identities},
         topology=None if neutral.faces is None else topology(neutral.faces),
-        speech_encoder=graph(speech_encoder(system)),
-        parts=(
-            PartEntry(
-                part.name,
-                CODEBOOK,
-                graph(decoder_step(system, part)),
-                graph(motion_decoder(part)),
-                graph(vertex_head(system, part)),
-            ),
-        ),
+        speech_encoder=GraphEntry.of(f"{SPEECH_ENCODER}.onnx", speech_encoder(system)),
+        parts=tuple(_part_entry(system, part) for part in system.parts),
         files={
             file.name: FileEntry(file.stat().st_size, file_sha256(file))
             for file in sorted(folder.iterdir())
@@ -254,6 +278,21 @@ def _manifest(
             stage: SourceEntry(path.name, file_sha256(path)) for stage, path in sources.items()
         },
         licence=licence,
+    )
+
+
+def _part_entry(system: SystemSpec, part: PartSpec) -> PartEntry:
+    step, motion, head = (
+        GraphEntry.of(f"{part_file(system, part, spec.name)}.onnx", spec)
+        for spec in part_graphs(system, part)
+    )
+    return PartEntry(
+        part.name,
+        _array_file(system, part, CODEBOOK),
+        *(step, motion, head),
+        part.n_samples,
+        part.conditions_on,
+        _array_file(system, part, VERTICES) if len(system.parts) > 1 else None,
     )
 
 

@@ -1,7 +1,8 @@
 """Public CodeTalker checkpoint files to networks and back.
 
-A file holds `{"state_dict": {name: tensor}}`: stage 1 the VQ autoencoder, stage 2 the rest.
-Weights are read with `weights_only=True` and become float32. Knows nothing of graphs.
+A file holds `{"state_dict": {name: tensor}}`: stage 1 the VQ autoencoder, stage 2 the rest. A
+system of several parts has such a pair for each part; all hold the same speech encoder. Weights are
+read with `weights_only=True` and become float32. Knows nothing of graphs.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -21,7 +22,8 @@ from facecode_exporter.errors import (
     CheckpointNotFoundError,
     SwappedCheckpointsError,
 )
-from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.nets.cdface import Trained, network_of
+from facecode_exporter.nets.part import PartNet
 from facecode_exporter.nets.sinusoid import sinusoid
 from facecode_exporter.nets.vq_autoencoder import TemporalTrunk, VQAutoencoder
 from facecode_spec.schema import SystemSpec
@@ -29,8 +31,10 @@ from facecode_spec.systems import SYSTEMS
 
 State = dict[str, Tensor]
 
+NOT_STAGE2 = ("autoencoder.", "audio_encoder.")
 OPTIONAL = {"audio_encoder.masked_spec_embed"}
-CONV = "audio_encoder.encoder.pos_conv_embed.conv"
+AUDIO = "audio_encoder."
+CONV = f"{AUDIO}encoder.pos_conv_embed.conv"
 WEIGHT_NORM_NAMES = (
     (f"{CONV}.weight_g", f"{CONV}.weight_v"),
     (f"{CONV}.parametrizations.weight.original0", f"{CONV}.parametrizations.weight.original1"),
@@ -38,30 +42,53 @@ WEIGHT_NORM_NAMES = (
 MAX_PROBLEMS_SHOWN = 12
 
 
-def load_codetalker(system: SystemSpec, stage1: Path, stage2: Path) -> CodeTalker:
-    """The trained system in evaluation mode.
+def load_system(system: SystemSpec, stage1: Sequence[Path], stage2: Sequence[Path]) -> Trained:
+    """The trained system in evaluation mode, from a pair of files for each of its parts.
 
     Raises:
         CheckpointNotFoundError: no such file.
         SwappedCheckpointsError: the two files were given the wrong way round.
-        CheckpointError: not a checkpoint, or keys and shapes that do not fit `system`.
+        CheckpointError: another number of files than parts, not a checkpoint, keys and shapes that
+            do not fit `system`, or parts with speech encoders of their own.
     """
-    first, second = read_state(stage1), read_state(stage2)
-    _refuse_swapped(first, second, stage1, stage2)
-    second = {k: v for k, v in second.items() if not k.startswith("autoencoder.")}
-    _fold_weight_norm(second)
-    net = CodeTalker(system)
-    _take_position_codes(net, first, second)
-    problems = [
-        *_fill(net.autoencoder, first, f"stage 1, {stage1}"),
-        *_fill(net, second, f"stage 2, {stage2}", skip="autoencoder."),
-    ]
+    if not len(stage1) == len(stage2) == len(system.parts):
+        names = ", ".join(part.name for part in system.parts)
+        raise CheckpointError(
+            f"got {len(stage1)} files of stage 1 and {len(stage2)} of stage 2; {system.name} needs "
+            f"one of each for: {names}"
+        )
+    net = network_of(system)
+    problems: list[str] = []
+    encoder: State = {}
+    for part, first_file, second_file in zip(net.part_nets, stage1, stage2, strict=True):
+        first, second = read_state(first_file), read_state(second_file)
+        _refuse_swapped(first, second, first_file, second_file)
+        _fold_weight_norm(second)
+        heard = {k: second.pop(k) for k in list(second) if k.startswith(AUDIO)}
+        _require_same(encoder, heard, second_file)
+        encoder = encoder or heard
+        problems += _fill_part(part, first, second, first_file, second_file)
+        if problems:
+            break
+    if not problems:
+        problems += _fill(net.audio_encoder, encoder, f"stage 2, {stage2[0]}", prefix=AUDIO)
     if problems:
         raise CheckpointError(
             f"the checkpoints do not fit {system.name}, {_listed(problems)}"
             + _other_system_hint(system, first)
         )
     return net.eval()
+
+
+def load_part(net: PartNet, stage1: Path, stage2: Path) -> None:
+    """Fill one part from its files; the speech encoder in them is left aside.
+
+    Raises:
+        CheckpointNotFoundError, CheckpointError.
+    """
+    second = {k: v for k, v in read_state(stage2).items() if not k.startswith(AUDIO)}
+    if problems := _fill_part(net, read_state(stage1), second, stage1, stage2):
+        raise CheckpointError(_listed(problems))
 
 
 def read_state(path: Path) -> State:
@@ -87,21 +114,23 @@ def read_state(path: Path) -> State:
     return {re.sub(r"^(module\.)+", "", str(k)): v.float() for k, v in state.items()}
 
 
-def save_codetalker(net: CodeTalker, stage1: Path, stage2: Path) -> None:
-    """Write `net` as two files in the layout of the released checkpoints."""
-    save_stage1(net.autoencoder, stage1)
-    save_stage2(net, stage2)
+def save_system(net: Trained, stage1: Sequence[Path], stage2: Sequence[Path]) -> None:
+    """Write `net` as two files a part in the layout of the released checkpoints."""
+    for part, first, second in zip(net.part_nets, stage1, stage2, strict=True):
+        save_stage1(part.autoencoder, first)
+        save_stage2(part, net.audio_encoder, second)
 
 
-def save_stage2(net: CodeTalker, stage2: Path) -> None:
+def save_stage2(part: PartNet, audio_encoder: nn.Module, stage2: Path) -> None:
     """Write everything but the autoencoder in the layout of the released stage-2 files."""
-    second = {k: v.clone() for k, v in net.state_dict().items() if not k.startswith("autoencoder.")}
+    second = {k: v.clone() for k, v in part.state_dict().items() if not k.startswith(NOT_STAGE2)}
+    second |= {f"{AUDIO}{k}": v.clone() for k, v in audio_encoder.state_dict().items()}
     if f"{CONV}.weight" in second:
         weight = second.pop(f"{CONV}.weight")
         second[f"{CONV}.weight_g"] = _norm_over_channels(weight)
         second[f"{CONV}.weight_v"] = weight
-    period = net.part.cross_modal_decoder.period
-    second["PPE.pe"] = net.position_code.repeat(600 // period + 1, 1)[None]
+    period = part.part.cross_modal_decoder.period
+    second["PPE.pe"] = part.position_code.repeat(600 // period + 1, 1)[None]
     torch.save({"state_dict": second}, stage2)
 
 
@@ -174,7 +203,27 @@ def _fold_weight_norm(state: State) -> None:
                 state[g_name], state[v_name] = g, v  # reported as keys that do not fit
 
 
-def _take_position_codes(net: CodeTalker, first: State, second: State) -> None:
+def _fill_part(net: PartNet, first: State, second: State, stage1: Path, stage2: Path) -> list[str]:
+    """Fill a part from the states of its files; what does not fit comes back."""
+    _take_position_codes(net, first, second)
+    second = {k: v for k, v in second.items() if not k.startswith("autoencoder.")}
+    return [
+        *_fill(net.autoencoder, first, f"stage 1, {stage1}"),
+        *_fill(net, second, f"stage 2, {stage2}", skip=NOT_STAGE2),
+    ]
+
+
+def _require_same(encoder: State, other: State, file: Path) -> None:
+    """Refuse a part that was trained with another speech encoder than the first one."""
+    same = encoder.keys() == other.keys() and all(torch.equal(encoder[k], other[k]) for k in other)
+    if encoder and other and not same:
+        raise CheckpointError(
+            f"{file} holds another speech encoder than the part before; all parts share one. Train "
+            "it with --earlier, which takes the encoder over"
+        )
+
+
+def _take_position_codes(net: PartNet, first: State, second: State) -> None:
     """Use the tables that the files carry, where they carry them."""
     for side, trunk in (("encoder", net.autoencoder.encoder), ("decoder", net.autoencoder.decoder)):
         _take_constant(trunk, first.pop(f"{side}.{side}_pos_embedding.pe", None))
@@ -196,9 +245,17 @@ def _listed(problems: list[str]) -> str:
     return "\n  ".join([f"{len(problems)} problems:", *shown, *([f"and {more} more"] * (more > 0))])
 
 
-def _fill(module: nn.Module, state: State, origin: str, skip: str = "\0") -> list[str]:
-    """Copy `state` into `module`; what does not fit comes back as one line each."""
-    wanted = {k: v for k, v in module.state_dict().items() if not k.startswith(skip)}
+def _fill(
+    module: nn.Module,
+    state: State,
+    origin: str,
+    skip: tuple[str, ...] = (),
+    prefix: str = "",
+) -> list[str]:
+    """Copy `state`, names with `prefix`, into `module`; what does not fit comes back in lines."""
+    wanted = {
+        f"{prefix}{k}": v for k, v in module.state_dict().items() if not k.startswith(skip or "\0")
+    }
     missing = sorted(set(wanted) - set(state) - OPTIONAL)
     problems = [f"{origin}: {k} {tuple(wanted[k].shape)} is missing" for k in missing]
     problems += [f"{origin}: {k} is not known" for k in sorted(set(state) - set(wanted))]

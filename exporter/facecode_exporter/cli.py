@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,9 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     export.set_defaults(run=run_export)
     _add_checkpoints(export, system_required=True)
     export.add_argument("--template", type=Path, metavar="MESH", help=".ply, .obj or .npy (V, 3)")
+    export.add_argument(
+        "--lips", type=Path, metavar="FILE", help="systems of parts: vertex indices of the lip part"
+    )
     export.add_argument("--precision", choices=("fp32",), default="fp32")
     export.add_argument("--out", type=Path, required=True, metavar="DIR")
 
@@ -64,13 +68,21 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
 def run_export(args: argparse.Namespace) -> None:
     """`facecode-export export`."""
     from facecode_exporter.bundle_writer import read_neutral, write_bundle
-    from facecode_exporter.checkpoints import load_codetalker
+    from facecode_exporter.checkpoints import load_system
+    from facecode_exporter.face_parts import part_vertices, with_vertices
     from facecode_exporter.parity import describe_case
+    from facecode_spec.graphs import part_file
 
     system = _system(args)
-    neutral = read_neutral(args.template, system.n_vertices)
-    net = load_codetalker(system, args.stage1, args.stage2)
-    sources = {"stage1": args.stage1, "stage2": args.stage2}
+    own = part_vertices(system, args.lips)
+    system = with_vertices(system, own)
+    neutral = replace(read_neutral(args.template, system.n_vertices), parts=own)
+    net = load_system(system, args.stage1, args.stage2)
+    sources = {
+        part_file(system, part, stage): path
+        for stage in ("stage1", "stage2")
+        for part, path in zip(system.parts, getattr(args, stage), strict=True)
+    }
     manifest = write_bundle(net, args.out, neutral, sources, progress=not args.quiet)
     assert manifest.parity is not None
     print(f"{args.out}: {system.name}, {sum(f.size for f in manifest.files.values()) / 1e6:.1f} MB")
@@ -94,14 +106,14 @@ def run_verify(args: argparse.Namespace) -> None:
     from facecode.bundle import Bundle
     from facecode_exporter import parity
     from facecode_exporter.bundle_writer import graphs_of, parity_cases, views_of
-    from facecode_exporter.checkpoints import load_codetalker
+    from facecode_exporter.checkpoints import load_system
 
     animator = Animator(Bundle.open(args.bundle))
     system = animator.manifest.system if not (args.system or args.config) else _system(args)
-    net = load_codetalker(system, args.stage1, args.stage2)
+    net = load_system(system, args.stage1, args.stage2)
     if args.audio is None:
-        graphs = {g.name: g for g in graphs_of(animator)}
-        errors = parity.compare_graphs([(s, v, graphs[s.name]) for s, v in views_of(net)])
+        views, graphs = views_of(net), graphs_of(animator)
+        errors = parity.compare_graphs([(s, v, g) for (s, v), g in zip(views, graphs, strict=True)])
         for name, error in errors.items():
             print(f"{name}: within {error:.1e}")
         cases = list(parity_cases(net))
@@ -132,8 +144,15 @@ def _with_extra(args: argparse.Namespace) -> None:
 
 
 def _add_checkpoints(parser: argparse.ArgumentParser, system_required: bool) -> None:
-    parser.add_argument("--stage1", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--stage2", type=Path, required=True, metavar="FILE")
+    for stage in ("stage1", "stage2"):
+        parser.add_argument(
+            f"--{stage}",
+            type=Path,
+            nargs="+",
+            required=True,
+            metavar="FILE",
+            help="one for each part",
+        )
     which = parser.add_mutually_exclusive_group(required=system_required)
     which.add_argument("--system", choices=sorted(SYSTEMS))
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")

@@ -1,24 +1,27 @@
 """The runtime against the torch networks: graph by graph, and whole clips through the loop.
 
 Graphs are compared with the views on random input at sizes that the export did not see. Clips
-are compared with the public algorithm (`CodeTalker.predict`), which shares no fast path with them.
+are compared with the public algorithm (`PartNet.animate`), which shares no fast path with them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from facecode.animator import Animator, Request
-from facecode.arrays import AnyArray, Audio, Float32
+from facecode.arrays import AnyArray, Audio, Codes, Float32
 from facecode.audio import normalise
+from facecode.loop import Counts
 from facecode.session import Graph
 from facecode_exporter.errors import ParityError
-from facecode_exporter.nets.codetalker import CodeTalker, Prediction
+from facecode_exporter.nets.cdface import Trained, predict_parts
+from facecode_exporter.nets.part import Prediction
 from facecode_exporter.nets.vq_autoencoder import Quantizer
 from facecode_spec.graphs import VERTICES, GraphSpec, TensorSpec
 from facecode_spec.manifest import ParityCase, ParityReport
@@ -38,6 +41,10 @@ class Case:
 
     audio: Audio
     weights: Float32
+    samples: Counts = field(default_factory=dict)
+    """of each part, for each sample of the part before; 1 where none are named"""
+    hold: Mapping[str, Codes] = field(default_factory=dict)
+    """codes (T, H) of parts that are kept"""
 
 
 def compare_graphs(
@@ -69,23 +76,44 @@ def compare_graphs(
 
 
 def compare_clip(
-    net: CodeTalker, animator: Animator, case: Case, steps: Steps = lambda s: s
+    net: Trained, animator: Animator, case: Case, steps: Steps = lambda s: s
 ) -> ParityCase:
-    """Animate one clip in `exact` mode by torch and by the runtime."""
-    heard = normalise(case.audio) if net.system.speech_encoder.normalise else case.audio
-    truth = net.predict(torch.from_numpy(heard)[None], torch.from_numpy(case.weights)[None], steps)
+    """Animate one clip in `exact` mode by torch and by the runtime, every sample of it."""
+    truth = _predict(net, case, steps)
+    request = Request(samples=case.samples, hold=dict(case.hold))
     memory = animator.encode(case.audio)
-    ((codes, offsets),) = animator.move([memory], case.weights[None], Request())
-    want = truth.codes.numpy()
+    ((codes, offsets),) = animator.move([memory], case.weights[None], request)
+    want = np.concatenate([p.codes.numpy() for p in truth.values()], axis=-1)
     if codes.shape != want.shape:
         raise ParityError(f"torch gives codes {want.shape}, the runtime {codes.shape}")
+    moved = np.empty_like(offsets)
+    for part in animator.parts:
+        own = slice(None) if part.vertices is None else part.vertices
+        moved[:, :, own] = truth[part.name].offsets.numpy()
+    chosen = [p for p in net.part_nets if p.part.name not in case.hold]
     return ParityCase(
         n_frames=codes.shape[1],
         n_codes=codes.size,
         n_codes_equal=int((codes == want).sum()),
-        max_vertex_error=_max_difference(truth.offsets.numpy(), offsets),
-        min_code_margin=min_code_margin(truth, net.autoencoder.quantize),
+        max_vertex_error=_max_difference(moved, offsets),
+        min_code_margin=min(
+            min_code_margin(truth[p.part.name], p.autoencoder.quantize) for p in chosen
+        ),
     )
+
+
+def _predict(net: Trained, case: Case, steps: Steps) -> dict[str, Prediction]:
+    """By torch, a row for each face: samples of the last part next to each other."""
+    spec = net.system.speech_encoder
+    heard = normalise(case.audio) if spec.normalise else case.audio
+    names = [part.name for part in net.system.parts]
+    faces = np.array(list(product(*(range(case.samples.get(n, 1)) for n in names))))
+    with torch.no_grad():
+        speech = net.audio_encoder(torch.from_numpy(heard)[None]).expand(len(faces), -1, -1)
+    heads = {name: torch.from_numpy(faces[:, i]) for i, name in enumerate(names)}
+    held = {n: torch.from_numpy(c).expand(len(faces), -1, -1) for n, c in case.hold.items()}
+    style = torch.from_numpy(case.weights).expand(len(faces), -1)
+    return predict_parts(net.part_nets, speech, style, heads, held, steps)
 
 
 def require_parity(cases: Iterable[ParityCase]) -> None:
@@ -132,6 +160,8 @@ def _random_input(tensor: TensorSpec, sizes: dict[str, int], rng: np.random.Gene
     shape = tuple(sizes[a] if isinstance(a, str) else a for a in tensor.axes)
     if tensor.name == "step":
         return np.array(sizes["n_past"])
+    if tensor.name == "sample":  # an input where there are two heads or more
+        return rng.integers(0, 2, shape)
     if tensor.name == "frames":
         return np.sort(rng.choice(sizes["n_prefix"], size=shape, replace=False))
     return rng.standard_normal(shape, dtype=np.float32)

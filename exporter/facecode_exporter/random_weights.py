@@ -10,27 +10,40 @@ from pathlib import Path
 
 import torch
 
-from facecode_exporter.checkpoints import save_codetalker
-from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.checkpoints import save_system
+from facecode_exporter.nets.cdface import Trained, network_of
 from facecode_exporter.output_folder import replacing
+from facecode_spec.graphs import part_file
 from facecode_spec.schema import SystemSpec
 
-STAGE1, STAGE2 = "stage1.pth.tar", "stage2.pth.tar"
+STAGE1, STAGE2 = "stage1", "stage2"
+LIPS_FILE = "lips.txt"
 
 
-def random_codetalker(system: SystemSpec, seed: int) -> CodeTalker:
+def random_network(system: SystemSpec, seed: int) -> Trained:
     """An untrained network with torch's default initialisation; the same for the same seed."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        return CodeTalker(system).eval()
+        return network_of(system).eval()
 
 
-def write_random_checkpoints(system: SystemSpec, out: Path, seed: int) -> tuple[Path, Path]:
-    """Write both stages into the folder `out` and return their paths.
+def write_random_checkpoints(system: SystemSpec, out: Path, seed: int) -> list[Path]:
+    """Write both stages of each part into the folder `out` and return their paths.
+
+    For a system of several parts a region file stands beside them: the lip part is the mesh's first
+    vertices, since random weights know no lips.
 
     Raises:
         OutputFolderError, OutputExistsError.
     """
-    with replacing(out, STAGE1) as folder:
-        save_codetalker(random_codetalker(system, seed), folder / STAGE1, folder / STAGE2)
-    return out / STAGE1, out / STAGE2
+    stages = [
+        [f"{part_file(system, part, stage)}.pth.tar" for part in system.parts]
+        for stage in (STAGE1, STAGE2)
+    ]
+    with replacing(out, stages[0][0]) as folder:
+        first, second = ([folder / name for name in stage] for stage in stages)
+        save_system(random_network(system, seed), first, second)
+        if len(system.parts) > 1:
+            n_lips = system.vertices_of(system.part("lips"))
+            (folder / LIPS_FILE).write_text(",".join(map(str, range(n_lips))) + "\n")
+    return [out / name for stage in stages for name in stage]

@@ -12,7 +12,8 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from facecode_exporter.nets.codetalker import CodeTalker, alibi_slopes
+from facecode_exporter.nets.cdface import Trained
+from facecode_exporter.nets.part import PartNet, alibi_slopes
 from facecode_exporter.nets.vq_autoencoder import Attention, PreNorm, Residual
 
 
@@ -43,11 +44,25 @@ def rows(attention: nn.MultiheadAttention, index: int) -> nn.Linear:
 
 
 class SpeechEncoderView(nn.Module):
-    """audio -> what the cross-attention of every layer reads, frame by frame."""
+    """audio -> what the cross-attention of every part and layer reads, frame by frame."""
 
-    def __init__(self, net: CodeTalker) -> None:
+    def __init__(self, net: Trained) -> None:
         super().__init__()
-        self.net = net
+        self.audio_encoder = net.audio_encoder
+        self.memories = nn.ModuleList([CrossMemory(part) for part in net.part_nets])
+
+    def forward(self, audio: Tensor) -> tuple[Tensor, ...]:
+        """(B, n_samples) to each part's cross_output, or its cross_keys and cross_values."""
+        speech = self.audio_encoder(audio)
+        return tuple(rows for memory in self.memories for rows in memory(speech))
+
+
+class CrossMemory(nn.Module):
+    """Speech features -> what the cross-attention of one part reads."""
+
+    def __init__(self, net: PartNet) -> None:
+        super().__init__()
+        self.to_memory = net.audio_feature_map
         self.n_rows = net.system.speech_encoder.memory_rows_per_frame
         self.n_layers = net.part.cross_modal_decoder.n_layers
         attentions = [layer.multihead_attn for layer in net.transformer_decoder.layers]
@@ -59,9 +74,9 @@ class SpeechEncoderView(nn.Module):
                 [stack([rows(a, index) for a in attentions]) for index in (1, 2)]
             )
 
-    def forward(self, audio: Tensor) -> tuple[Tensor, ...]:
-        """(B, n_samples) to cross_output, or to cross_keys and cross_values."""
-        memory = self.net.memory(audio)
+    def forward(self, speech: Tensor) -> tuple[Tensor, ...]:
+        """(B, T * rows, width) to cross_output, or to cross_keys and cross_values."""
+        memory = self.to_memory(speech)
         outputs = [m(memory).unflatten(-1, (self.n_layers, -1)) for m in self.maps]
         if self.n_rows == 1:
             return tuple(outputs)
@@ -135,7 +150,7 @@ class CrossAttentionStep(nn.Module):
 class DecoderStepView(nn.Module):
     """One frame of the cross-modal decoder; the state is passed in and the new rows come out."""
 
-    def __init__(self, net: CodeTalker) -> None:
+    def __init__(self, net: PartNet) -> None:
         super().__init__()
         spec = net.part.cross_modal_decoder
         self.n_layers, self.period = spec.n_layers, spec.period
@@ -153,16 +168,27 @@ class DecoderStepView(nn.Module):
         self.position_code: Tensor
         self.register_buffer("slopes", torch.tensor(alibi_slopes(spec.n_heads)))
         self.slopes: Tensor
+        self.condition_map = net.condition_map
         self.feat_map = net.feat_map
-        self.code_shape = (net.part.codebook.codes_per_frame, net.part.codebook.dim)
+        book = net.part.codebook
+        self.n_samples = net.part.n_samples
+        self.head_shape = (net.part.n_samples, book.codes_per_frame, book.dim)
 
     def forward(
         self, motion: Tensor, style: Tensor, step: Tensor, *state: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """motion (B, D), style (B, S), step (), then cross memory, past keys, past values."""
-        cross, past = state[: -2 * self.n_layers], state[-2 * self.n_layers :]
+        """motion (B, D), style (B, S), step (), then the sample of each row if there are several.
+
+        Then the code vectors of each condition, cross memory, past keys and past values.
+        """
+        more, past = state[: -2 * self.n_layers], state[-2 * self.n_layers :]
+        sample, more = (more[0], more[1:]) if self.n_samples > 1 else (None, more)
+        n_conditions = len(self.condition_map)
+        conditions, cross = more[:n_conditions], more[n_conditions:]
         position = self.position_code.index_select(0, (step % self.period)[None])
         x = motion + style @ self.style_rows.weight + position
+        for embed, vectors in zip(self.condition_map.values(), conditions, strict=True):
+            x = x + embed(vectors.flatten(1))
         bias = self._bias(past[0].shape[1])
         keys, values = [], []
         for i, layer in enumerate(self.layers):
@@ -172,8 +198,15 @@ class DecoderStepView(nn.Module):
             x = layer.norm1(x + attended)
             x = layer.norm2(x + self._cross(i, x, cross))
             x = layer.norm3(x + layer.linear2(torch.relu(layer.linear1(x))))
-        features = self.feat_map(x).unflatten(-1, self.code_shape)
-        return features, torch.stack(keys), torch.stack(values)
+        return self._features(x, sample), torch.stack(keys), torch.stack(values)
+
+    def _features(self, x: Tensor, sample: Tensor | None) -> Tensor:
+        """x (B, D) to (B, H, C) of head `sample[b]`; all heads share one read of the weights."""
+        every: Tensor = self.feat_map(x).unflatten(-1, self.head_shape)
+        if sample is None:
+            return every[:, 0]
+        index = sample[:, None, None, None].expand(-1, 1, *self.head_shape[1:])
+        return every.gather(1, index)[:, 0]
 
     def _bias(self, n_past: int) -> Tensor:
         """-floor(distance / period) * slope for every past frame and head: (n_past, heads)."""
@@ -215,7 +248,7 @@ class LastLayer(nn.Module):
 class MotionDecoderView(nn.Module):
     """Quantise and decode: features of a prefix or window -> codes, hidden, feedback."""
 
-    def __init__(self, net: CodeTalker) -> None:
+    def __init__(self, net: PartNet) -> None:
         super().__init__()
         self.quantize = net.autoencoder.quantize
         self.decoder = net.autoencoder.decoder
@@ -245,7 +278,7 @@ class VertexHeadView(nn.Module):
     filled with zeros.
     """
 
-    def __init__(self, net: CodeTalker) -> None:
+    def __init__(self, net: PartNet) -> None:
         super().__init__()
         layer = net.autoencoder.decoder.vertice_map_reverse
         bias = torch.zeros(layer.out_features) if layer.bias is None else layer.bias

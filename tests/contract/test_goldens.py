@@ -5,7 +5,7 @@ import pytest
 import torch
 
 import facecode
-from facecode_exporter.checkpoints import load_codetalker
+from facecode_exporter.checkpoints import load_system
 from facecode_exporter.config import system_from_config
 from facecode_spec.graphs import VERTICES
 
@@ -23,7 +23,7 @@ def check(codes, vertices, golden, i):
 @pytest.mark.parametrize("i", [0, 1])
 def test_torch_networks(golden, i):
     system = system_from_config(golden.config, golden.wav2vec2)
-    net = load_codetalker(system, golden.stage1, golden.stage2)
+    net = load_system(system, [golden.stage1], [golden.stage2])
     with np.load(golden.folder / "input_values.npz") as arrays:
         audio = torch.from_numpy(arrays[arrays.files[0]]).reshape(1, -1)
     mix = golden.styles()[i]

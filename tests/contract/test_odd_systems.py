@@ -10,7 +10,7 @@ from facecode.animator import Animator
 from facecode.bundle import Bundle
 from facecode_exporter import bundle_writer, parity
 from facecode_exporter.nets.speech import FAMILIES, n_frames, samples_for
-from facecode_exporter.random_weights import random_codetalker
+from facecode_exporter.random_weights import random_network
 from facecode_exporter.views import DecoderStepView, MotionDecoderView
 from facecode_spec.schema import CodebookSpec
 from facecode_spec.systems import SYSTEMS
@@ -49,7 +49,7 @@ CASES = {
 
 @pytest.fixture(scope="module", params=CASES)
 def exported(request, tmp_path_factory):
-    net = random_codetalker(CASES[request.param], seed=3)
+    net = random_network(CASES[request.param], seed=3)
     generator = torch.Generator().manual_seed(4)
     for name, parameter in net.named_parameters():  # affine norms start at the identity
         if name.endswith("expander.0.2.weight") or name.endswith("expander.0.2.bias"):

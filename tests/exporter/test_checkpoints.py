@@ -7,17 +7,17 @@ import torch
 
 from facecode_exporter.checkpoints import (
     CONV,
-    load_codetalker,
+    load_system,
     read_state,
-    save_codetalker,
+    save_system,
 )
 from facecode_exporter.errors import (
     CheckpointError,
     CheckpointNotFoundError,
     SwappedCheckpointsError,
 )
-from facecode_exporter.nets.codetalker import alibi_slopes
-from facecode_exporter.random_weights import random_codetalker
+from facecode_exporter.nets.part import alibi_slopes
+from facecode_exporter.random_weights import random_network
 from facecode_spec.systems import SYSTEMS
 
 TINY = SYSTEMS["codetalker-tiny"]
@@ -25,13 +25,13 @@ TINY = SYSTEMS["codetalker-tiny"]
 
 @pytest.fixture(scope="module")
 def net():
-    return random_codetalker(TINY, seed=1)
+    return random_network(TINY, seed=1)
 
 
 @pytest.fixture
 def files(net, tmp_path):
     paths = tmp_path / "stage1.pth.tar", tmp_path / "stage2.pth.tar"
-    save_codetalker(net, *paths)
+    save_system(net, paths[:1], paths[1:])
     return paths
 
 
@@ -47,7 +47,7 @@ def assert_same(net, other, atol=0.0):
 
 
 def test_round_trip(net, files):
-    assert_same(net, load_codetalker(TINY, *files), atol=1e-7)
+    assert_same(net, load_system(TINY, files[:1], files[1:]), atol=1e-7)
 
 
 def test_public_layout(files):
@@ -63,7 +63,7 @@ def test_public_layout(files):
 def test_module_prefix(net, files):
     for file in files:
         edit(file, lambda state: {f"module.{k}": v for k, v in state.items()})
-    assert_same(net, load_codetalker(TINY, *files), atol=1e-7)
+    assert_same(net, load_system(TINY, files[:1], files[1:]), atol=1e-7)
 
 
 def test_new_weight_norm_names(net, files):
@@ -73,7 +73,7 @@ def test_new_weight_norm_names(net, files):
         return state
 
     edit(files[1], rename)
-    assert_same(net, load_codetalker(TINY, *files), atol=1e-7)
+    assert_same(net, load_system(TINY, files[:1], files[1:]), atol=1e-7)
 
 
 def test_weight_norm_is_folded_as_torch_does(files):
@@ -85,7 +85,9 @@ def test_weight_norm_is_folded_as_torch_does(files):
     edit(files[1], scale)
     state = torch.load(files[1], weights_only=True)["state_dict"]
     want = torch._weight_norm(state[f"{CONV}.weight_v"], state[f"{CONV}.weight_g"], 2)
-    folded = load_codetalker(TINY, *files).audio_encoder.encoder.pos_conv_embed.conv.weight
+    folded = load_system(
+        TINY, files[:1], files[1:]
+    ).audio_encoder.encoder.pos_conv_embed.conv.weight
     torch.testing.assert_close(folded, want)
 
 
@@ -93,7 +95,7 @@ def test_weight_norm_is_folded_as_torch_does(files):
 def test_other_dtypes(net, files, dtype):
     for file in files:
         edit(file, lambda state: {k: v.to(dtype) for k, v in state.items()})
-    loaded = load_codetalker(TINY, *files)
+    loaded = load_system(TINY, files[:1], files[1:])
     assert loaded.feat_map.weight.dtype == torch.float32
     assert_same(net, loaded, atol=1e-7 if dtype == torch.float64 else 2e-2)
 
@@ -101,14 +103,14 @@ def test_other_dtypes(net, files, dtype):
 def test_position_tables_may_be_absent(net, files):
     edit(files[0], lambda s: {k: v for k, v in s.items() if not k.endswith(".pe")})
     edit(files[1], lambda s: {k: v for k, v in s.items() if k != "PPE.pe"})
-    loaded = load_codetalker(TINY, *files)
+    loaded = load_system(TINY, files[:1], files[1:])
     torch.testing.assert_close(loaded.position_code, net.position_code)
 
 
 def test_position_tables_of_the_file_are_used(files):
     for file in files:
         edit(file, lambda s: {k: v * 0 + 0.5 if k.endswith("pe") else v for k, v in s.items()})
-    loaded = load_codetalker(TINY, *files)
+    loaded = load_system(TINY, files[:1], files[1:])
     assert (loaded.autoencoder.decoder.constant == 0.5).all()
     assert (loaded.position_code == 0.5).all()
 
@@ -117,7 +119,7 @@ def test_plain_state_dict_and_saved_autoencoder(net, files):
     first = torch.load(files[0], weights_only=True)["state_dict"]
     edit(files[1], lambda s: {**s, **{f"autoencoder.{k}": v for k, v in first.items()}})
     torch.save(first, files[0])
-    assert_same(net, load_codetalker(TINY, *files), atol=1e-7)
+    assert_same(net, load_system(TINY, files[:1], files[1:]), atol=1e-7)
 
 
 def test_all_problems_in_one_error(files):
@@ -131,7 +133,7 @@ def test_all_problems_in_one_error(files):
     edit(files[1], damage)
     edit(files[0], lambda s: {k: v for k, v in s.items() if not k.startswith("quantize")})
     with pytest.raises(CheckpointError) as caught:
-        load_codetalker(TINY, *files)
+        load_system(TINY, files[:1], files[1:])
     text = str(caught.value)
     assert "5 problems" in text
     assert f"stage 1, {files[0]}: quantize.embedding.weight (32, 8) is missing" in text
@@ -144,22 +146,22 @@ def test_all_problems_in_one_error(files):
 def test_many_problems_are_cut(files):
     edit(files[1], lambda s: {k: v for k, v in s.items() if k.startswith("transformer_decoder")})
     with pytest.raises(CheckpointError, match="more"):
-        load_codetalker(TINY, *files)
+        load_system(TINY, files[:1], files[1:])
 
 
 def test_swapped_files(files):
     with pytest.raises(SwappedCheckpointsError, match="Exchange --stage1 and --stage2"):
-        load_codetalker(TINY, files[1], files[0])
+        load_system(TINY, files[1:], files[:1])
     with pytest.raises(CheckpointError, match="is a stage-1 file"):
-        load_codetalker(TINY, files[0], files[0])
+        load_system(TINY, files[:1], files[:1])
     with pytest.raises(CheckpointError, match="is a stage-2 file"):
-        load_codetalker(TINY, files[1], files[1])
+        load_system(TINY, files[1:], files[1:])
 
 
 def test_files_of_another_system(files):
     edit(files[0], lambda s: {**s, "decoder.vertice_map_reverse.weight": torch.zeros(15069, 32)})
     with pytest.raises(CheckpointError, match="fits --system codetalker-vocaset"):
-        load_codetalker(TINY, *files)
+        load_system(TINY, files[:1], files[1:])
 
 
 class Malice:
@@ -191,8 +193,8 @@ def test_no_file(tmp_path):
 
 def test_random_weights_follow_the_seed_and_leave_torch_alone(net):
     before = torch.random.get_rng_state()
-    assert_same(net, random_codetalker(TINY, seed=1))
-    assert not torch.equal(random_codetalker(TINY, seed=2).feat_map.weight, net.feat_map.weight)
+    assert_same(net, random_network(TINY, seed=1))
+    assert not torch.equal(random_network(TINY, seed=2).feat_map.weight, net.feat_map.weight)
     assert torch.equal(torch.random.get_rng_state(), before)
 
 

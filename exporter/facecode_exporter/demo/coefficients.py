@@ -8,6 +8,7 @@ coefficients are weighted distances of vertices; lips count more than the back o
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from facecode.arrays import AnyArray, Audio, Float32
+from facecode.arrays import AnyArray, Audio, Float32, Indices
 from facecode_exporter.demo.corpus_files import (
     clip_names,
     load_clip_audio,
@@ -23,8 +24,9 @@ from facecode_exporter.demo.corpus_files import (
     load_weights,
 )
 from facecode_exporter.demo.face_units import FACE_UNITS
-from facecode_exporter.demo.head import Head
+from facecode_exporter.demo.head import LIP_PAIR, Head
 from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.training.openings import open_frames
 from facecode_spec.schema import SystemSpec
 
 LIP_WEIGHT, EYE_WEIGHT = 24.0, 5.0
@@ -32,25 +34,30 @@ LIP_WEIGHT, EYE_WEIGHT = 24.0, 5.0
 distances."""
 EYE_UNITS = ("eyeBlink", "brow")
 EYE_REACH_M = 1e-3
+SMALLEST = 1e-6
+"""Of the largest direction of motion; units that leave a part of the face still give none."""
 
 
 class MotionBasis:
     """Offsets (T, 3V) to coefficients (T, 3K) and back; K "vertices" hold all of the motion."""
 
-    def __init__(self, head: Head, unit_spread: Float32) -> None:
+    def __init__(self, head: Head, unit_spread: Float32, vertices: Indices | None = None) -> None:
         """Build the basis.
 
         Args:
             head: the demo head.
             unit_spread: (52,) root mean square weight of each face unit in the data, which sets
                 the unit of the coefficients: their mean square is about 1.
+            vertices: those of one part of the face; all by default.
         """
-        units = head.unit_offsets.reshape(len(head.unit_offsets), -1).astype(np.float64)
         vertex_weight = np.ones(head.template.shape[0])
         vertex_weight[_moved_by(head, EYE_UNITS)] = EYE_WEIGHT
         vertex_weight[head.regions["lips"]] = LIP_WEIGHT
-        self._root = np.sqrt(np.repeat(vertex_weight, 3))
-        _, _, rows = np.linalg.svd(units * self._root, full_matrices=False)
+        own = slice(None) if vertices is None else vertices
+        units = head.unit_offsets[:, own].reshape(len(head.unit_offsets), -1).astype(np.float64)
+        self._root = np.sqrt(np.repeat(vertex_weight[own], 3))
+        _, size, rows = np.linalg.svd(units * self._root, full_matrices=False)
+        rows = rows[size > SMALLEST * size[0]]
         self.n_vertices = -(-len(rows) // 3)
         padding = 3 * self.n_vertices - len(rows)
         self._rows = np.pad(rows, ((0, padding), (0, 0)))
@@ -82,15 +89,24 @@ class MotionBasis:
 
         Its weights are rounded to float16 values, the precision in which they are kept.
         """
-        state = {k: v.double() for k, v in trained.state_dict().items()}
+        net = CodeTalker(full)
+        net.load_state_dict(rounded(self.lifted(trained.state_dict())))
+        return net.eval()
+
+    def lifted(self, state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """The float64 weights of a `PartNet` on vertices, from those on coefficients."""
+        wide = {k: v.double() for k, v in state.items()}
         for name in ("vertice_map.weight", "autoencoder.encoder.vertice_mapping.0.weight"):
-            state[name] = state[name] @ self.encode
+            wide[name] = wide[name] @ self.encode
         for name in ("weight", "bias"):
             key = f"autoencoder.decoder.vertice_map_reverse.{name}"
-            state[key] = self.decode @ state[key]
-        net = CodeTalker(full)
-        net.load_state_dict({k: v.half().float() for k, v in state.items()})
-        return net.eval()
+            wide[key] = self.decode @ wide[key]
+        return wide
+
+
+def rounded(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Weights as float32 numbers that float16 holds exactly."""
+    return {k: v.half().float() for k, v in state.items()}
 
 
 def _moved_by(head: Head, prefixes: tuple[str, ...]) -> NDArray[np.bool_]:
@@ -122,9 +138,24 @@ class CorpusClips:
         """The style that the clip's name begins with."""
         return self.styles.index(self.names[index].rpartition("_")[0])
 
+    def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
+        """(T,) of each clip: whether the mouth is open, by the distance of LIP_PAIR."""
+        head, (upper, lower) = load_corpus_head(self.corpus), LIP_PAIR
+        rest = head.template[upper] - head.template[lower]
+        apart = head.unit_offsets[:, upper] - head.unit_offsets[:, lower]
+        openings = [
+            np.linalg.norm(
+                rest + load_weights(self.corpus, name).astype(np.float32) @ apart, axis=1
+            )
+            - np.linalg.norm(rest)
+            for name in self.names
+        ]
+        styles = [self.style(i) for i in range(len(self.names))]
+        return open_frames(openings, styles, closed_below)
 
-def corpus_basis(corpus: Path) -> MotionBasis:
-    """The basis of a corpus's head, in the unit of its training motion."""
+
+def corpus_basis(corpus: Path, vertices: Indices | None = None) -> MotionBasis:
+    """The basis of a corpus's head, or of one part of it, in the unit of its training motion."""
     weights = np.concatenate([load_weights(corpus, name) for name in clip_names(corpus, "train")])
     spread = np.sqrt(np.square(weights, dtype=np.float32).mean(axis=0))
-    return MotionBasis(load_corpus_head(corpus), spread)
+    return MotionBasis(load_corpus_head(corpus), spread, vertices)

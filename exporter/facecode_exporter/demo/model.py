@@ -11,9 +11,9 @@ import numpy as np
 import torch
 
 from facecode_exporter.bundle_writer import Neutral, write_bundle
-from facecode_exporter.checkpoints import save_codetalker, save_stage1
+from facecode_exporter.checkpoints import save_stage1, save_system
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
-from facecode_exporter.demo.head import Head, load_head
+from facecode_exporter.demo.head import LIP_PAIR, Head, load_head
 from facecode_exporter.demo.whisper_wheel import whisper_weights
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
@@ -25,10 +25,6 @@ from facecode_spec.systems.codetalker_demo import SPEC
 
 IDENTITIES = 6
 """Identities that the bundle carries, that of its template included."""
-LIP_PAIR = (468, 494)
-"""Inner edge of the upper and lower lip on the midline: of all pairs of lip vertices near it, the
-one whose plain distance is smallest in closures compared with its 95th percentile (11 %). The
-head's own pair, made for the vertical part alone, slides apart when lips press."""
 LICENCE = (
     "MIT, with parts: speech encoder from Whisper tiny.en (MIT, OpenAI); head from the MakeHuman "
     "base mesh and the Face Units pack by Mika Suominen (CC0 1.0). Trained on generated speech and "
@@ -107,7 +103,7 @@ def export_demo(
     """Lift to all vertices, write the checkpoints in the public layout, and export."""
     full = basis.lift(net, SPEC)
     files = {stage: work / f"{stage}.pth.tar" for stage in ("stage1", "stage2")}
-    save_codetalker(full, files["stage1"], files["stage2"])
+    save_system(full, [files["stage1"]], [files["stage2"]])
     write_bundle(full, bundle, neutral_of(load_head()), files, progress, licence=LICENCE)
 
 

@@ -9,7 +9,7 @@ from torch import nn
 from facecode_exporter.nets.frame_grid import frames_of
 from facecode_exporter.nets.wav2vec2 import Wav2Vec2
 from facecode_exporter.nets.whisper import Whisper
-from facecode_spec.schema import SpeechEncoderSpec
+from facecode_spec.schema import SpeechEncoderSpec, SystemSpec
 
 
 class Family(Protocol):
@@ -28,6 +28,11 @@ class Family(Protocol):
 
 
 FAMILIES: dict[str, Family] = {"wav2vec2": Wav2Vec2, "whisper": Whisper}
+
+
+def speech_encoder(system: SystemSpec) -> nn.Module:
+    """The encoder of `system` with fresh weights."""
+    return FAMILIES[system.speech_encoder.family](system.speech_encoder, system.fps)
 
 
 def n_frames(spec: SpeechEncoderSpec, fps: float, n_samples: int) -> int:

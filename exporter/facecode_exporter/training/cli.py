@@ -124,7 +124,7 @@ def train_stage2(
         Stage2(net, clips("train"), clips("validation"), config), config, args.out, not args.quiet
     )
     out: Path = args.out / "stage2.pth.tar"
-    save_stage2(net, out)
+    save_stage2(net, net.audio_encoder, out)
     return out
 
 

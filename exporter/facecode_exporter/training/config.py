@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from facecode_exporter.errors import ConfigError
+from facecode_exporter.training.diverse_losses import DiverseLosses
 from facecode_spec.schema import SpecError, from_plain, to_plain
 
 CONFIG_FILE = "config.json"
@@ -17,10 +18,12 @@ CONFIG_FILE = "config.json"
 class TrainingConfig:
     """Defaults are the paper's (section 4.1), or the public code's where it is silent."""
 
-    stage: Literal["stage1", "stage2"]
+    stage: Literal["stage1", "stage2", "cdface"]
     system: str
     data: str
     epochs: int
+    part: str | None = None
+    """Which part of the face is trained; null: the only one."""
     seed: int = 0
     learning_rate: float = 1e-4
     halve_every: int | None = None
@@ -42,8 +45,11 @@ class TrainingConfig:
     """Stage 2: in place of the true past, half of the clips see none and the others see what the
     network says without one. Not in the paper; a small network that is taught on the true past
     learns to go on with it rather than to listen."""
+    losses: DiverseLosses | None = None
+    """cdface: weights and shapes of its terms."""
     fine_tune_speech: bool = True
-    """Stage 2: train the speech encoder's transformer too; its convolutions stay frozen."""
+    """Stage 2, and cdface's first part: train the speech encoder's transformer too; its
+    convolutions stay frozen."""
 
     def save(self, folder: Path) -> None:
         """Write config.json into `folder`."""
@@ -77,3 +83,16 @@ def stage1_defaults(system: str, data: str, vocaset: bool) -> TrainingConfig:
 def stage2_defaults(system: str, data: str) -> TrainingConfig:
     """The published setting of stage 2."""
     return TrainingConfig(stage="stage2", system=system, data=data, epochs=100)
+
+
+def cdface_defaults(system: str, data: str, part: str, vocaset: bool) -> TrainingConfig:
+    """The published setting of CDFace's query networks, as far as its prose fixes one."""
+    return TrainingConfig(
+        stage="cdface",
+        system=system,
+        data=data,
+        epochs=50 if vocaset else 100,
+        part=part,
+        weight_decay=0.01,  # AdamW's default
+        losses=DiverseLosses(),
+    )

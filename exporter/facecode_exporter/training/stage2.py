@@ -12,12 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from facecode.audio import normalise
 from facecode_exporter.nets.codetalker import CodeTalker
-from facecode_exporter.nets.speech import n_frames
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.data import Clips, batches
 from facecode_exporter.training.losses import stage2_terms, straight_through
+from facecode_exporter.training.speech_rows import SpeechRows
 
 
 class Stage2:
@@ -29,20 +28,17 @@ class Stage2:
         self.net, self.config = net, config
         self.trained: nn.Module = net
         net.autoencoder.requires_grad_(False)
-        net.audio_encoder.requires_grad_(config.fine_tune_speech)
-        for name, parameter in net.audio_encoder.named_parameters():
-            if "conv" in name and "pos_conv" not in name:
-                parameter.requires_grad_(False)
         self.splits = {"train": train, "val": val}
-        self._speech: dict[tuple[str, int], Tensor] = {}
-        self._lengths = {split: self._frames(clips) for split, clips in self.splits.items()}
+        self.speech = SpeechRows(
+            net.system, net.audio_encoder, self.splits, config.fine_tune_speech
+        )
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""
         self.net.autoencoder.eval()
         if not self.config.fine_tune_speech:
             self.net.audio_encoder.eval()
-        lengths = self._lengths["train"]
+        lengths = self.speech.lengths["train"]
         for group in batches(lengths, self.config.batch_size, self.config.crop_frames, rng):
             terms = self._terms("train", group)
             yield self.config.motion_weight * terms[0] + self.config.reg_weight * terms[1], terms
@@ -55,7 +51,7 @@ class Stage2:
         """Teacher-forced terms over the validation clips, each frame counting the same."""
         self.net.eval()
         sums, n_frames = np.zeros(len(self.terms)), 0
-        for i, length in enumerate(self._lengths["val"]):
+        for i, length in enumerate(self.speech.lengths["val"]):
             sums += [length * float(t) for t in self._terms("val", [(i, 0, length)])]
             n_frames += length
         return list(sums / n_frames)
@@ -65,12 +61,11 @@ class Stage2:
         offsets = torch.stack(
             [torch.from_numpy(clips.offsets(i)[start : start + n]) for i, start, n in group]
         )
-        memory = torch.stack([self._memory(split, i, start, n) for i, start, n in group])
         styles = torch.tensor([clips.style(i) for i, _, _ in group])
         with torch.no_grad():
             true_features = net.autoencoder.encoder(offsets)
             true_vectors = net.autoencoder.quantize.look_up(net.autoencoder.quantize(true_features))
-        memory = net.audio_feature_map(memory)
+        memory = net.audio_feature_map(self.speech.batch(split, group))
         past = offsets
         if net.training and self.config.own_history:
             past = self._own_past(offsets, styles, memory)
@@ -90,35 +85,4 @@ class Stage2:
 
     def _tokens(self, past: Tensor, styles: Tensor) -> Tensor:
         """Style, then the past motion (B, T, 3V) one frame late: (B, T, D)."""
-        style = self.net.learnable_style_emb(styles)[:, None]
-        return torch.cat([style, self.net.vertice_map(past[:, :-1]) + style], dim=1)
-
-    def _memory(self, split: str, index: int, start: int, n_frames: int) -> Tensor:
-        """Speech rows of the frames [start, start + n_frames): (n_frames * rows, width)."""
-        rows = self.net.system.speech_encoder.memory_rows_per_frame
-        if self.config.fine_tune_speech:
-            speech = self._encode(split, index)
-        else:
-            if (split, index) not in self._speech:
-                with torch.no_grad():
-                    self._speech[split, index] = self._encode(split, index).half()
-            speech = self._speech[split, index].float()
-        return speech[start * rows : (start + n_frames) * rows]
-
-    def _encode(self, split: str, index: int) -> Tensor:
-        audio = self.splits[split].audio(index)
-        if self.net.system.speech_encoder.normalise:
-            audio = normalise(audio)
-        speech: Tensor = self.net.audio_encoder(torch.from_numpy(audio)[None])[0]
-        return speech
-
-    def _frames(self, clips: Clips) -> list[int]:
-        """Frames that both the motion and the speech of each clip have."""
-        system = self.net.system
-        return [
-            min(
-                len(clips.offsets(i)),
-                n_frames(system.speech_encoder, system.fps, len(clips.audio(i))),
-            )
-            for i in range(len(clips.names))
-        ]
+        return self.net.tokens(self.net.learnable_style_emb(styles), past[:, :-1], {})

@@ -2,6 +2,10 @@
 
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import (
+    cdface_biwi,
+    cdface_demo,
+    cdface_tiny,
+    cdface_vocaset,
     codetalker_biwi,
     codetalker_demo,
     codetalker_tiny,
@@ -10,7 +14,10 @@ from facecode_spec.systems import (
 
 SYSTEMS: dict[str, SystemSpec] = {
     module.SPEC.name: module.SPEC
-    for module in (codetalker_vocaset, codetalker_biwi, codetalker_demo, codetalker_tiny)
+    for module in (
+        *(codetalker_vocaset, codetalker_biwi, codetalker_demo, codetalker_tiny),
+        *(cdface_vocaset, cdface_biwi, cdface_demo, cdface_tiny),
+    )
 }
 
 __all__ = ["SYSTEMS"]

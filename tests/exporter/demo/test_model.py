@@ -16,7 +16,7 @@ from facecode_exporter.demo.head import PACKAGED, load_head
 from facecode_exporter.demo.model import LIP_PAIR, neutral_of
 from facecode_exporter.demo.whisper_wheel import whisper_weights
 from facecode_exporter.errors import CheckpointError
-from facecode_exporter.random_weights import random_codetalker
+from facecode_exporter.random_weights import random_network
 from facecode_spec.systems.codetalker_demo import SPEC
 
 
@@ -38,7 +38,7 @@ def weights():
 @pytest.fixture(scope="module")
 def lifted(basis):
     """A random network on coefficients, rounded as the lifted one is, and that one."""
-    small = random_codetalker(basis.system(SPEC), seed=2)
+    small = random_network(basis.system(SPEC), seed=2)
     return small, basis.lift(small, SPEC)
 
 

@@ -1,0 +1,121 @@
+"""Make the packaged diverse model from a demo corpus: per part a motion prior and a query network.
+
+Every step leaves its files in the working folder and is skipped or resumed when run again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+
+from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis, rounded
+from facecode_exporter.demo.corpus_files import load_corpus_head
+from facecode_exporter.demo.face_parts import part_vertices
+from facecode_exporter.demo.whisper_wheel import whisper_weights
+from facecode_exporter.nets.cdface import CDFace
+from facecode_exporter.nets.part import PartNet
+from facecode_exporter.training.config import TrainingConfig
+from facecode_exporter.training.diverse_losses import DiverseLosses
+from facecode_exporter.training.query import QueryStage
+from facecode_exporter.training.run import train
+from facecode_exporter.training.stage1 import Stage1
+from facecode_spec.schema import SystemSpec
+from facecode_spec.systems.cdface_demo import SPEC
+
+Bases = Mapping[str, MotionBasis]
+
+
+def stage1_config(corpus: Path, part: str) -> TrainingConfig:
+    """The setting of a part's motion prior."""
+    return TrainingConfig(
+        stage="stage1",
+        system=SPEC.name,
+        data=corpus.name,
+        epochs=24,
+        part=part,
+        learning_rate=1e-3,
+        halve_every=6,
+        batch_size=16,
+        crop_frames=96,
+        revive_codes=True,
+    )
+
+
+def query_config(corpus: Path, part: str) -> TrainingConfig:
+    """The setting of a part's query network."""
+    return TrainingConfig(
+        stage="cdface",
+        system=SPEC.name,
+        data=corpus.name,
+        epochs=12,
+        part=part,
+        learning_rate=1e-3,
+        halve_every=3,
+        batch_size=16,
+        crop_frames=90,
+        losses=DiverseLosses(),
+        fine_tune_speech=False,
+    )
+
+
+def corpus_bases(corpus: Path) -> Bases:
+    """The basis of each part's motion."""
+    vertices = part_vertices(load_corpus_head(corpus))
+    return {name: corpus_basis(corpus, own) for name, own in vertices.items()}
+
+
+def on_coefficients(full: SystemSpec, bases: Bases) -> SystemSpec:
+    """`full` on coefficients in place of vertices."""
+    parts = tuple(
+        dataclasses.replace(part, n_vertices=bases[part.name].n_vertices) for part in full.parts
+    )
+    n_vertices = sum(basis.n_vertices for basis in bases.values())
+    return dataclasses.replace(full, n_vertices=n_vertices, parts=parts)
+
+
+def train_diverse(
+    full: SystemSpec, corpus: Path, whisper_wheel: Path, work: Path, progress: bool = True
+) -> tuple[CDFace, Bases]:
+    """The trained network on coefficients, and the bases that lift it to vertices.
+
+    Raises:
+        CorpusError, CheckpointError, RunError.
+    """
+    bases = corpus_bases(corpus)
+    torch.manual_seed(0)
+    net = CDFace(on_coefficients(full, bases))
+    net.audio_encoder.load_state_dict(whisper_weights(whisper_wheel))
+    for part in net.part_nets:
+        train_prior(part, bases[part.part.name], corpus, work, progress)
+    for part in net.part_nets:
+        name = part.part.name
+        clips = corpus_clips(corpus, bases[name])
+        config = query_config(corpus, name)
+        stage = QueryStage(net, clips["train"], clips["val"], config)
+        train(stage, config, work / f"{name}-query", progress)
+    return net, bases
+
+
+def train_prior(net: PartNet, basis: MotionBasis, corpus: Path, work: Path, progress: bool) -> None:
+    """Stage 1 of one part."""
+    name = net.part.name
+    clips, config = corpus_clips(corpus, basis), stage1_config(corpus, name)
+    stage = Stage1(net.autoencoder, clips["train"], clips["val"], config)
+    train(stage, config, work / f"{name}-stage1", progress)
+
+
+def corpus_clips(corpus: Path, basis: MotionBasis) -> dict[str, CorpusClips]:
+    """Training and validation clips of one part."""
+    return {split: CorpusClips(corpus, split, basis, SPEC.styles) for split in ("train", "val")}
+
+
+def lifted(net: CDFace, bases: Bases, full: SystemSpec) -> CDFace:
+    """The network on all vertices; its weights are float16 values."""
+    wide = CDFace(full)
+    wide.audio_encoder.load_state_dict(rounded(net.audio_encoder.state_dict()))
+    for small, part in zip(net.part_nets, wide.part_nets, strict=True):
+        part.load_state_dict(rounded(bases[part.part.name].lifted(small.state_dict())))
+    return wide.eval()

@@ -1,0 +1,94 @@
+"""The losses of CDFace (Gu et al. 2024) for one part: K samples X^k of a true clip X.
+
+Motion is (B, K, T, 3V), or (B, T, 3V) for the truth, in units of the training motion's root mean
+square, so that weights mean the same for any mesh. All distances are means over frames and
+coordinates: the length of a crop changes none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+TERMS = ("diversity", "reconstruction", "every_sample", "closure", "regulariser")
+
+
+@dataclass(frozen=True)
+class DiverseLosses:
+    """Weights and shapes of the terms; saved with the run.
+
+    The paper's prose names the terms; the copy at hand had lost its formulas, so that every number
+    here, and what `half_at` and `every_sample` say, are choices of this project.
+    """
+
+    diversity: float = 0.1
+    """Weight of exp(-d^2 / sigma) of the closest pair: "duplication-aware", a decreasing function
+    of the minimum pairwise distance over the whole clip."""
+    half_at: float = 0.35
+    """Distance of the closest pair, as a share of the motion's root mean square, at which that term
+    is 0.5; it sets sigma. A far larger one pushes samples beyond what the codebook can say; heads
+    with fresh weights start near it."""
+    every_sample: float = 0.2
+    """Weight of the mean error of all samples. Zero is best-of-K alone, under which heads that
+    never win hear nothing of the speech (relaxed winner-takes-all, Rupprecht et al. 2017)."""
+    closure: float = 1.0
+    """Weight of the error in closed frames, summed over samples: "supervised by the truth"."""
+    regulariser: float = 0.25
+    """Weight of the distance of predicted features to their code vectors; as the commitment of the
+    motion prior."""
+    mask: bool = True
+    """Lips: frames in which the true mouth is closed carry no diversity and are supervised in every
+    sample. False is the paper's ablation."""
+    closed_below: float = 0.15
+    """Opening, as a share of a subject's 95th percentile, up to which a mouth is closed. Zero would
+    never be met: lips at rest are not zero apart."""
+
+
+def diverse_terms(
+    samples: Tensor,
+    truth: Tensor,
+    open_mouth: Tensor,
+    features: Tensor,
+    vectors: Tensor,
+    half_at: float,
+) -> list[Tensor]:
+    """The terms of TERMS, unweighted.
+
+    Args:
+        samples: (B, K, T, 3V).
+        truth: (B, T, 3V).
+        open_mouth: (B, T), 1 where diversity is allowed, 0 where the truth binds every sample.
+        features: (B, K, T, H, C) that the network gave.
+        vectors: their nearest code vectors.
+        half_at: of `DiverseLosses`.
+    """
+    error = (samples - truth[:, None]).square().mean(dim=-1)
+    per_sample = error.mean(dim=-1)
+    closed = (1 - open_mouth)[:, None] * error
+    return [
+        diversity(samples * open_mouth[:, None, :, None], half_at),
+        per_sample.min(dim=1).values.mean(),
+        per_sample.mean(),
+        closed.mean(dim=(0, 2)).sum(),
+        (features - vectors.detach()).square().mean(),
+    ]
+
+
+def diversity(samples: Tensor, half_at: float) -> Tensor:
+    """Mean over clips of exp(-d^2 / sigma), d the closest pair's distance; 0 for one sample."""
+    n_samples = samples.shape[1]
+    if n_samples == 1:
+        return samples.new_zeros(())
+    first, second = torch.triu_indices(n_samples, n_samples, offset=1)
+    squared = (samples[:, first] - samples[:, second]).square().mean(dim=(-2, -1))
+    sigma = half_at**2 / math.log(2)
+    return torch.exp(-squared.min(dim=1).values / sigma).mean()
+
+
+def total(terms: list[Tensor], weights: DiverseLosses) -> Tensor:
+    """The weighted sum; reconstruction counts once."""
+    each = (weights.diversity, 1.0, weights.every_sample, weights.closure, weights.regulariser)
+    return torch.stack([w * t for w, t in zip(each, terms, strict=True)]).sum()

@@ -1,0 +1,183 @@
+"""The query network of one part of CDFace: speech and past motion to K samples of that part.
+
+The motion prior is frozen, gradients pass its quantiser straight through. The paper teaches on the
+true past; here, as in `own_history` of stage 2, half of the clips see no past and in the others
+every sample sees what its own head says without one. A network taught on the true past goes on with
+it rather than listen, and K samples that share one true past have nothing of their own to keep up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Protocol, cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from facecode_exporter.nets.cdface import CDFace
+from facecode_exporter.nets.part import PartNet
+from facecode_exporter.training.config import TrainingConfig
+from facecode_exporter.training.data import Clips, batches
+from facecode_exporter.training.diverse_losses import TERMS, diverse_terms, total
+from facecode_exporter.training.losses import straight_through
+from facecode_exporter.training.speech_rows import SpeechRows
+
+LIPS = "lips"
+"""The part whose closures are masked."""
+Crop = tuple[int, int, int]
+"""(clip, first frame, frames)"""
+
+
+class PartClips(Clips, Protocol):
+    """Clips whose offsets are those of one part of the face."""
+
+    def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
+        """(T,) of each clip: whether the true mouth is open; see `openings.open_frames`."""
+
+
+class QueryStage:
+    """Trains the network of one part, and of the first part its speech encoder, if asked to."""
+
+    terms = TERMS
+
+    def __init__(
+        self, net: CDFace, train: PartClips, val: PartClips, config: TrainingConfig
+    ) -> None:
+        assert config.losses is not None
+        assert config.part is not None
+        self.config, self.losses = config, config.losses
+        self.trained: nn.Module = net.requires_grad_(False)
+        names = [other.part.name for other in net.part_nets]
+        place = names.index(config.part)
+        self.earlier, self.net = net.part_nets[:place], net.part_nets[place]
+        self.net.requires_grad_(True)
+        self.net.autoencoder.requires_grad_(False)
+        self.splits = {"train": train, "val": val}
+        self.speech = SpeechRows(
+            net.system, net.audio_encoder, dict(self.splits), place == 0 and config.fine_tune_speech
+        )
+        self.open = {
+            s: clips.open_mouth(self.losses.closed_below) for s, clips in self.splits.items()
+        }
+        self.unit = root_mean_square(train)
+
+    def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
+        """(loss, terms) of every batch."""
+        for net in (*self.earlier, self.net):
+            net.autoencoder.eval()
+        lengths = self.speech.lengths["train"]
+        for group in batches(lengths, self.config.batch_size, self.config.crop_frames, rng):
+            terms = self._terms("train", group)
+            yield total(terms, self.losses), terms
+
+    def end_epoch(self, rng: np.random.Generator) -> None:
+        """Nothing to do."""
+
+    @torch.no_grad()
+    def validate(self) -> list[float]:
+        """Terms over the validation clips on the network's own past, each frame alike."""
+        self.trained.eval()
+        sums, n_frames = np.zeros(len(self.terms)), 0
+        for i, length in enumerate(self.speech.lengths["val"]):
+            sums += [length * float(t) for t in self._terms("val", [(i, 0, length)])]
+            n_frames += length
+        return list(sums / n_frames)
+
+    def _terms(self, split: str, group: list[Crop]) -> list[Tensor]:
+        clips = self.splits[split]
+        truth = _stack([clips.offsets(i)[a : a + n] for i, a, n in group])
+        open_mouth = _stack([self.open[split][i][a : a + n] for i, a, n in group]).float()
+        if not (self.losses.mask and self.net.part.name == LIPS):
+            open_mouth = torch.ones_like(open_mouth)
+        styles = torch.tensor([clips.style(i) for i, _, _ in group])
+        speech = self.speech.batch(split, group)
+        features = self._features(speech, styles, self._conditions(speech, styles))
+        quantize, decoder = self.net.autoencoder.quantize, self.net.autoencoder.decoder
+        vectors = quantize.look_up(quantize(features))
+        decoded = decoder(straight_through(features, vectors).flatten(0, 1))
+        samples = decoded.unflatten(0, features.shape[:2])
+        return diverse_terms(
+            *(samples / self.unit, truth / self.unit, open_mouth),
+            *(features, vectors, self.losses.half_at),
+        )
+
+    def _features(self, speech: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
+        """(B, K, T, H, C): without a past for half of the clips, with its own for the others."""
+        half = (len(speech) + int(torch.randint(2, ()))) // 2 if self.net.training else 0
+        said = []
+        if half > 0:
+            before = _rows(conditions, slice(half))
+            said.append(heard(self.net, speech[:half], styles[:half], before))
+        if half < len(speech):
+            after = _rows(conditions, slice(half, None))
+            said.append(self._with_own_past(speech[half:], styles[half:], after))
+        return torch.cat(said)
+
+    def _with_own_past(
+        self, speech: Tensor, styles: Tensor, conditions: dict[str, Tensor]
+    ) -> Tensor:
+        """(B, K, T, H, C): every sample goes on from what its own head says without a past."""
+        with torch.no_grad():
+            first = heard(self.net, speech, styles, conditions)
+            _, past = self.net.autoencoder.decode_features(first.flatten(0, 1))
+        k = self.net.part.n_samples
+        sample = torch.arange(k).repeat(len(speech))
+        speech, styles = (x.repeat_interleave(k, dim=0) for x in (speech, styles))
+        conditions = {n: c.repeat_interleave(k, dim=0) for n, c in conditions.items()}
+        features = continued(self.net, speech, styles, conditions, past, sample)
+        return cast(Tensor, features.unflatten(0, (-1, k)))
+
+    @torch.no_grad()
+    def _conditions(self, speech: Tensor, styles: Tensor) -> dict[str, Tensor]:
+        """Code vectors of the earlier parts, of one random sample of each for every clip."""
+        vectors: dict[str, Tensor] = {}
+        for net in self.earlier:
+            picked = torch.randint(net.part.n_samples, (len(speech),))
+            first = heard(net, speech, styles, vectors)[torch.arange(len(speech)), picked]
+            _, past = net.autoencoder.decode_features(first)
+            features = continued(net, speech, styles, vectors, past, picked)
+            quantize = net.autoencoder.quantize
+            vectors[net.part.name] = quantize.look_up(quantize(features))
+        return vectors
+
+
+def heard(net: PartNet, speech: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
+    """Features (B, K, T, H, C) of all heads with no past at all."""
+    n_rows = net.system.speech_encoder.memory_rows_per_frame
+    n_frames = speech.shape[1] // n_rows
+    past = speech.new_zeros(len(speech), n_frames - 1, 3 * net.n_vertices)
+    tokens = net.tokens(net.learnable_style_emb(styles), past, conditions)
+    return net.every_head(tokens, net.audio_feature_map(speech)).transpose(1, 2)
+
+
+def continued(
+    net: PartNet,
+    speech: Tensor,
+    styles: Tensor,
+    conditions: dict[str, Tensor],
+    past: Tensor,
+    sample: Tensor,
+) -> Tensor:
+    """Features (B, T, H, C) of head `sample[b]` with the past (B, T, 3V) of its own row."""
+    tokens = net.tokens(net.learnable_style_emb(styles), past[:, :-1], conditions)
+    return net.features(tokens, net.audio_feature_map(speech), sample)
+
+
+def root_mean_square(clips: Clips) -> float:
+    """Of all offsets of a split."""
+    squares, n = 0.0, 0
+    for i in range(len(clips.names)):
+        offsets = clips.offsets(i)
+        squares += float(np.square(offsets, dtype=np.float64).sum())
+        n += offsets.size
+    return float(np.sqrt(squares / n))
+
+
+def _rows(conditions: dict[str, Tensor], which: slice) -> dict[str, Tensor]:
+    return {name: vectors[which] for name, vectors in conditions.items()}
+
+
+def _stack(arrays: Sequence[NDArray[np.generic]]) -> Tensor:
+    return torch.stack([torch.from_numpy(np.ascontiguousarray(a)) for a in arrays])
