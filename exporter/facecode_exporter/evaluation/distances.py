@@ -90,7 +90,7 @@ def score_predictions(
     for take in progress(list(predictions)):
         n_vertices = len(data.template(take.clip))
         vertices = read_motion(predictions[take], n_vertices, data.layout.fps)
-        yield _scored(take, vertices, data, regions)
+        yield scored_clip(take, vertices, data, regions)
 
 
 def takes_of(data: DataSet, animator: Animator, styles: Sequence[str] | None) -> list[Take]:
@@ -130,7 +130,7 @@ def score_animations(
             window=window,
             template=data.template(take.clip),
         )
-        scored = _scored(take, animation.vertices, data, regions)
+        scored = scored_clip(take, animation.vertices, data, regions)
         yield dataclasses.replace(scored, codes=animation.codes)
 
 
@@ -139,7 +139,12 @@ def _judged_styles(clip: str, styles: Sequence[T]) -> Sequence[T | str]:
     return [own] if own in styles else styles
 
 
-def _scored(take: Take, vertices: AnyArray, data: DataSet, regions: Regions) -> ScoredClip:
+def scored_clip(take: Take, vertices: AnyArray, data: DataSet, regions: Regions) -> ScoredClip:
+    """Predicted vertices (T, V, 3) of a take against its truth.
+
+    Raises:
+        EvaluationError: another rate, topology, or no frames.
+    """
     truth, template = data.truth(take.clip), data.template(take.clip)
     require_inside(regions, len(template))
     shorter, longer = sorted((len(vertices), len(truth)))

@@ -22,7 +22,7 @@ from facecode_exporter.training.speech_rows import SpeechRows
 class Stage2:
     """Trains everything but the autoencoder."""
 
-    terms = ("motion", "features")
+    terms: tuple[str, ...] = ("motion", "features")
 
     def __init__(self, net: CodeTalker, train: Clips, val: Clips, config: TrainingConfig) -> None:
         self.net, self.config = net, config
@@ -41,7 +41,8 @@ class Stage2:
         lengths = self.speech.lengths["train"]
         for group in batches(lengths, self.config.batch_size, self.config.crop_frames, rng):
             terms = self._terms("train", group)
-            yield self.config.motion_weight * terms[0] + self.config.reg_weight * terms[1], terms
+            weights = (self.config.motion_weight, self.config.reg_weight)
+            yield torch.stack([w * t for w, t in zip(weights, terms, strict=False)]).sum(), terms
 
     def end_epoch(self, rng: np.random.Generator) -> None:
         """Nothing to do."""
@@ -62,16 +63,19 @@ class Stage2:
             [torch.from_numpy(clips.offsets(i)[start : start + n]) for i, start, n in group]
         )
         styles = torch.tensor([clips.style(i) for i, _, _ in group])
-        with torch.no_grad():
-            true_features = net.autoencoder.encoder(offsets)
-            true_vectors = net.autoencoder.quantize.look_up(net.autoencoder.quantize(true_features))
         memory = net.audio_feature_map(self.speech.batch(split, group))
         past = offsets
         if net.training and self.config.own_history:
             past = self._own_past(offsets, styles, memory)
-        features = net.features(self._tokens(past, styles), memory)
-        vectors = net.autoencoder.quantize.look_up(net.autoencoder.quantize(features))
-        decoded = net.autoencoder.decoder(straight_through(features, vectors))
+        return self.compare(offsets, net.features(self._tokens(past, styles), memory))
+
+    def compare(self, offsets: Tensor, features: Tensor) -> list[Tensor]:
+        """The terms for true offsets (B, T, 3V) and predicted features (B, T, H, C)."""
+        prior = self.net.autoencoder
+        with torch.no_grad():
+            true_vectors = prior.quantize.look_up(prior.quantize(prior.encoder(offsets)))
+        vectors = prior.quantize.look_up(prior.quantize(features))
+        decoded = prior.decoder(straight_through(features, vectors))
         return stage2_terms(offsets, decoded, features, true_vectors)
 
     @torch.no_grad()
@@ -80,7 +84,7 @@ class Stage2:
         half = len(offsets) // 2
         none = torch.zeros_like(offsets)
         features = self.net.features(self._tokens(none[half:], styles[half:]), memory[half:])
-        _, own = self.net.autoencoder.decode_features(features)
+        _, own = self.net.decode(features)
         return torch.cat([none[:half], own])
 
     def _tokens(self, past: Tensor, styles: Tensor) -> Tensor:
