@@ -91,6 +91,19 @@ def load_part(net: PartNet, stage1: Path, stage2: Path) -> None:
         raise CheckpointError(_listed(problems))
 
 
+def load_encoder(encoder: nn.Module, stage2: Path) -> None:
+    """Fill a speech encoder from a stage-2 file.
+
+    Raises:
+        CheckpointNotFoundError, CheckpointError.
+    """
+    state = read_state(stage2)
+    _fold_weight_norm(state)
+    heard = {k: v for k, v in state.items() if k.startswith(AUDIO)}
+    if problems := _fill(encoder, heard, f"stage 2, {stage2}", prefix=AUDIO):
+        raise CheckpointError(_listed(problems))
+
+
 def read_state(path: Path) -> State:
     """The state dict of a checkpoint file, names without `module.`, values float32.
 

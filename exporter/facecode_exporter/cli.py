@@ -15,6 +15,7 @@ from facecode.errors import MissingExtraError
 from facecode_exporter.demo.cli import add_baseline_parser, add_model_parser
 from facecode_exporter.demo.cli import add_parser as add_corpus_parser
 from facecode_exporter.evaluation.cli import add_parser as add_evaluate
+from facecode_exporter.face_parts import add_variant_options, divided
 from facecode_exporter.training.cli import add_parser as add_train_parser
 from facecode_spec.systems import SYSTEMS
 
@@ -37,9 +38,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     export.set_defaults(run=run_export)
     _add_checkpoints(export, system_required=True)
     export.add_argument("--template", type=Path, metavar="MESH", help=".ply, .obj or .npy (V, 3)")
-    export.add_argument(
-        "--lips", type=Path, metavar="FILE", help="systems of parts: vertex indices of the lip part"
-    )
+    add_variant_options(export)
     export.add_argument("--precision", choices=("fp32",), default="fp32")
     export.add_argument("--out", type=Path, required=True, metavar="DIR")
 
@@ -69,13 +68,10 @@ def run_export(args: argparse.Namespace) -> None:
     """`facecode-export export`."""
     from facecode_exporter.bundle_writer import read_neutral, write_bundle
     from facecode_exporter.checkpoints import load_system
-    from facecode_exporter.face_parts import part_vertices, with_vertices
     from facecode_exporter.parity import describe_case
     from facecode_spec.graphs import part_file
 
-    system = _system(args)
-    own = part_vertices(system, args.lips)
-    system = with_vertices(system, own)
+    system, own = divided(_system(args), args)
     neutral = replace(read_neutral(args.template, system.n_vertices), parts=own)
     net = load_system(system, args.stage1, args.stage2)
     sources = {

@@ -44,16 +44,20 @@ def stage1_config(corpus: Path, part: str) -> TrainingConfig:
     )
 
 
+EPOCHS = {"lips": 9, "upper_face": 6}
+"""Of the query networks; the learning rate is halved at each third."""
+
+
 def query_config(corpus: Path, part: str) -> TrainingConfig:
     """The setting of a part's query network."""
     return TrainingConfig(
         stage="cdface",
         system=SPEC.name,
         data=corpus.name,
-        epochs=12,
+        epochs=EPOCHS[part],
         part=part,
         learning_rate=1e-3,
-        halve_every=3,
+        halve_every=EPOCHS[part] // 3,
         batch_size=16,
         crop_frames=90,
         losses=DiverseLosses(),

@@ -55,7 +55,7 @@ def add_parser(commands: Commands) -> None:
     speech.add_argument("recordings", type=Path, metavar="RECORDINGS", help="wav or flac with .txt")
     speech.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
     _add_animation(speech, "the bundle's first")
-    speech.add_argument("--lip-pair", type=_pair, metavar="U,L", help="default: the bundle's")
+    speech.add_argument("--lip-pair", type=vertex_pair, metavar="U,L", help="default: the bundle's")
     speech.add_argument(
         "--reference",
         default=RULES,
@@ -69,7 +69,7 @@ def add_parser(commands: Commands) -> None:
     mix.add_argument("--styles", required=True, metavar="A,B", help="two names")
     mix.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
     mix.add_argument("--audio", type=Path, metavar="FILE", default=SPEECH, help="the packaged one")
-    mix.add_argument("--lip-pair", type=_pair, metavar="U,L", help="default: the bundle's")
+    mix.add_argument("--lip-pair", type=vertex_pair, metavar="U,L", help="default: the bundle's")
     mix.add_argument("--plot", type=Path, metavar="PNG", help="the curves")
     mix.add_argument("--threads", type=_count, metavar="N", help="default: all cores")
 
@@ -276,7 +276,8 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _pair(text: str) -> tuple[int, int]:
+def vertex_pair(text: str) -> tuple[int, int]:
+    """UPPER,LOWER as argparse reads it."""
     upper, _, lower = text.partition(",")
     if not (upper.isdigit() and lower.isdigit()):
         raise argparse.ArgumentTypeError(f"expected UPPER,LOWER vertex indices, got {text}")

@@ -1,4 +1,4 @@
-"""`facecode-export train`: both stages, on the data sets that people hold."""
+"""`facecode-export train`: every stage, on the data sets that people hold."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from facecode_exporter.evaluation.cli import vertex_pair
+from facecode_exporter.face_parts import add_variant_options
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
 
@@ -17,14 +19,20 @@ if TYPE_CHECKING:
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
-LAYOUT_OF = {"codetalker-vocaset": "vocaset", "codetalker-biwi": "biwi"}
+LAYOUT_OF = {
+    "codetalker-vocaset": "vocaset",
+    "codetalker-biwi": "biwi",
+    "cdface-vocaset": "vocaset",
+    "cdface-biwi": "biwi",
+    "cdface-tiny": "vocaset",
+}
 
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:
     """The sub-command `train`, with `run` set."""
     train = commands.add_parser("train", help="train a system on your data")
     train.set_defaults(run=run_train)
-    train.add_argument("stage", choices=("stage1", "stage2"))
+    train.add_argument("stage", choices=("stage1", "stage2", "cdface"))
     train.add_argument("--data", type=Path, required=True, metavar="DIR")
     which = train.add_mutually_exclusive_group(required=True)
     which.add_argument("--system", choices=sorted(LAYOUT_OF))
@@ -33,14 +41,32 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
         "--wav2vec2-config", type=Path, metavar="JSON", help="Hugging Face config.json (base)"
     )
     train.add_argument("--out", type=Path, required=True, metavar="RUN", help="the run's folder")
-    train.add_argument("--stage1", type=Path, metavar="FILE", help="stage 2: the trained stage 1")
+    train.add_argument("--stage1", type=Path, metavar="FILE", help="the trained stage 1")
     train.add_argument(
-        "--speech-encoder", type=Path, metavar="DIR", help="stage 2: a Hugging Face wav2vec2 folder"
+        "--speech-encoder", type=Path, metavar="DIR", help="a Hugging Face wav2vec2 folder"
     )
+    _add_part_options(train)
     for name, kind in (("epochs", int), ("batch-size", int), ("crop-frames", int), ("seed", int),
                        ("learning-rate", float)):  # fmt: skip
         train.add_argument(f"--{name}", type=kind, help="default: as published")
     return train
+
+
+def _add_part_options(train: argparse.ArgumentParser) -> None:
+    """What the systems of several parts need beside."""
+    train.add_argument("--part", choices=("lips", "upper-face"), help="systems of parts: which one")
+    train.add_argument(
+        "--earlier",
+        type=Path,
+        nargs=2,
+        metavar=("STAGE1", "STAGE2"),
+        help="cdface, second part: the checkpoints of the first",
+    )
+    train.add_argument("--lip-pair", type=vertex_pair, metavar="U,L", help="cdface: inner lips")
+    train.add_argument(
+        "--no-mask", action="store_true", help="cdface: samples may differ in closures too"
+    )
+    add_variant_options(train)
 
 
 def run_train(args: argparse.Namespace) -> None:
@@ -59,6 +85,11 @@ def run_train(args: argparse.Namespace) -> None:
         for name in ("epochs", "batch_size", "crop_frames", "seed", "learning_rate")
         if (value := getattr(args, name)) is not None
     }
+    if args.stage == "cdface" or len(system.parts) > 1:
+        from facecode_exporter.training.cdface_cli import run_part
+
+        print(run_part(args, system, layout, chosen))
+        return
     defaults = (
         configs.stage1_defaults(system.name, str(args.data), layout == "vocaset")
         if args.stage == "stage1"
@@ -119,7 +150,7 @@ def train_stage2(
     torch.nn.init.zeros_(net.feat_map.weight)
     load_stage1(net.autoencoder, args.stage1)
     if args.speech_encoder is not None:
-        load_wav2vec2(net, args.speech_encoder)
+        load_wav2vec2(net.audio_encoder, args.speech_encoder)
     train(
         Stage2(net, clips("train"), clips("validation"), config), config, args.out, not args.quiet
     )

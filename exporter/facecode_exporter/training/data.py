@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from facecode.arrays import Audio, Float32
+from facecode.arrays import Audio, Float32, Indices
 from facecode.audio import load_audio
 from facecode_exporter.errors import DataSetError
 from facecode_exporter.evaluation.data_set import LAYOUTS, DataSet, subject_of
+from facecode_exporter.evaluation.lip_sync import opening_curve
+from facecode_exporter.training.openings import open_frames
 
 SAMPLE_RATE = 16_000
 
@@ -69,6 +72,43 @@ class FolderClips:
         """Index of the subject among the training subjects; 0 for an unseen one."""
         subject, known = subject_of(self.names[index]), self.data.layout.seen
         return known.index(subject) if subject in known else 0
+
+
+class FolderPart:
+    """The motion of one part of the face in a split, and when its mouth is open."""
+
+    def __init__(self, clips: FolderClips, vertices: Indices, lip_pair: tuple[int, int]) -> None:
+        """Choose the part.
+
+        Args:
+            clips: whole faces.
+            vertices: (n,) those of the part.
+            lip_pair: an upper-lip and a lower-lip vertex of the whole face.
+        """
+        self.clips, self.lip_pair = clips, lip_pair
+        self.names = clips.names
+        self._columns = (3 * vertices[:, None] + np.arange(3)).ravel()
+
+    def offsets(self, index: int) -> Float32:
+        """(T, 3n)."""
+        return self.clips.offsets(index)[:, self._columns]
+
+    def audio(self, index: int) -> Audio:
+        """(n_samples,) at 16 kHz."""
+        return self.clips.audio(index)
+
+    def style(self, index: int) -> int:
+        """As of the whole face."""
+        return self.clips.style(index)
+
+    def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
+        """(T,) of each clip: True where the true mouth is open."""
+        data = self.clips.data
+        openings = [
+            opening_curve(data.truth(name), self.lip_pair, data.template(name))
+            for name in self.names
+        ]
+        return open_frames(openings, [subject_of(name) for name in self.names], closed_below)
 
 
 def batches(

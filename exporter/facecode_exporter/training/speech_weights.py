@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import torch
+from torch import nn
 from transformers import Wav2Vec2Model
 
 from facecode_exporter.errors import CheckpointError
-from facecode_exporter.nets.codetalker import CodeTalker
 
 
-def load_wav2vec2(net: CodeTalker, folder: Path) -> None:
+def load_wav2vec2(encoder: nn.Module, folder: Path) -> None:
     """Copy the weights of the folder's model; nothing is downloaded.
 
     Raises:
@@ -25,7 +25,7 @@ def load_wav2vec2(net: CodeTalker, folder: Path) -> None:
         raise CheckpointError(f"{folder} holds no wav2vec2 model: {error}") from error
     torch.nn.utils.parametrize.remove_parametrizations(source.encoder.pos_conv_embed.conv, "weight")
     state = source.state_dict()
-    own = net.audio_encoder.state_dict()
+    own = encoder.state_dict()
     wrong = [k for k in own if k != "masked_spec_embed" and (
         k not in state or state[k].shape != own[k].shape)]  # fmt: skip
     if wrong:
@@ -33,4 +33,4 @@ def load_wav2vec2(net: CodeTalker, folder: Path) -> None:
             f"{folder} has another architecture than the system: {wrong[0]} and "
             f"{len(wrong) - 1} more; give its config.json as --wav2vec2-config"
         )
-    net.audio_encoder.load_state_dict({k: state[k] for k in own if k in state}, strict=False)
+    encoder.load_state_dict({k: state[k] for k in own if k in state}, strict=False)
