@@ -20,13 +20,13 @@ from tqdm import tqdm
 from facecode.arrays import Float32
 from facecode.audio import load_audio
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
-from facecode_exporter.demo.model import stage2_config
 from facecode_exporter.demo.whisper_wheel import whisper_weights
 from facecode_exporter.evaluation.corpus_data import CorpusData
 from facecode_exporter.evaluation.data_set import subject_of
 from facecode_exporter.evaluation.distances import ScoredClip, Take, scored_clip
 from facecode_exporter.evaluation.regions import Regions
 from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.run import train
 from facecode_exporter.training.stage2 import Stage2
 from facecode_spec.schema import CodebookSpec, SystemSpec
@@ -61,7 +61,11 @@ def without_codebook(system: SystemSpec) -> SystemSpec:
 
 
 def train_baseline(
-    corpus: Path, whisper_wheel: Path, work: Path, progress: bool = True
+    corpus: Path,
+    whisper_wheel: Path,
+    config: TrainingConfig,
+    work: Path,
+    progress: bool = True,
 ) -> tuple[Regression, MotionBasis]:
     """The trained network on coefficients, and the basis that lifts them to vertices.
 
@@ -69,7 +73,6 @@ def train_baseline(
         CorpusError, CheckpointError, RunError.
     """
     basis = corpus_basis(corpus)
-    config = stage2_config(corpus)
     torch.manual_seed(config.seed)
     net = Regression(without_codebook(basis.system(SPEC)))
     net.audio_encoder.load_state_dict(whisper_weights(whisper_wheel))

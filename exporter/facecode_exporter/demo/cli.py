@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,6 +50,7 @@ def add_baseline_parser(commands: Commands) -> argparse.ArgumentParser:
     )
     baseline.add_argument("--work", type=Path, required=True, metavar="DIR", help="for the run")
     baseline.add_argument("--split", default="test", help="of the corpus (test)")
+    baseline.add_argument("--epochs", type=int, help="default: those of the packaged model")
     return baseline
 
 
@@ -56,12 +58,16 @@ def run_demo_baseline(args: argparse.Namespace) -> None:
     """`facecode-export demo-baseline`; run again, it goes on where it stopped."""
     from facecode_exporter.demo.baseline import score_baseline, train_baseline
     from facecode_exporter.demo.corpus_files import load_corpus_head
+    from facecode_exporter.demo.model import stage2_config
     from facecode_exporter.evaluation.corpus_data import CorpusData
     from facecode_exporter.evaluation.regions import Regions
     from facecode_exporter.evaluation.report import distances_table
 
     data = CorpusData.read(args.corpus, args.split)
-    net, basis = train_baseline(args.corpus, args.whisper_wheel, args.work, not args.quiet)
+    config = stage2_config(args.corpus)
+    if args.epochs is not None:
+        config = dataclasses.replace(config, epochs=args.epochs)
+    net, basis = train_baseline(args.corpus, args.whisper_wheel, config, args.work, not args.quiet)
     own = load_corpus_head(args.corpus).regions
     regions = Regions(*(own[name].astype("int32") for name in ("lips", "upper_face")))
     scored = list(score_baseline(net, basis, data, regions, not args.quiet))

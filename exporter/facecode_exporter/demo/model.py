@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from facecode_exporter.bundle_writer import Neutral, write_bundle
-from facecode_exporter.checkpoints import save_stage1, save_system
+from facecode_exporter.checkpoints import load_stage1, save_stage1, save_system
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
 from facecode_exporter.demo.head import LIP_PAIR, Head, load_head
 from facecode_exporter.demo.whisper_wheel import whisper_weights
@@ -20,7 +20,6 @@ from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.run import train
 from facecode_exporter.training.stage1 import Stage1
 from facecode_exporter.training.stage2 import Stage2
-from facecode_spec.schema import SystemSpec
 from facecode_spec.systems.codetalker_demo import SPEC
 
 IDENTITIES = 6
@@ -72,39 +71,68 @@ def make_demo_model(
         CorpusError, CheckpointError, RunError, ParityError.
     """
     basis = corpus_basis(corpus)
-    small = basis.system(SPEC)
-    clips = {s: CorpusClips(corpus, s, basis, SPEC.styles) for s in ("train", "val")}
-    net = _stage1(small, clips, stage1_config(corpus), work / "stage1", progress)
-    net.audio_encoder.load_state_dict(whisper_weights(whisper_wheel))
-    config = stage2_config(corpus)
-    train(Stage2(net, clips["train"], clips["val"], config), config, work / "stage2", progress)
-    export_demo(net, basis, work, bundle, progress)
+    prior = train_prior(corpus, basis, stage1_config(corpus), work / "stage1", progress)
+    run = work / "stage2"
+    net = train_speech(corpus, basis, prior, whisper_wheel, stage2_config(corpus), run, progress)
+    full = basis.lift(net, SPEC)
+    files = save_demo(full, work)
+    write_bundle(full, bundle, neutral_of(load_head()), files, progress, licence=LICENCE)
 
 
-def _stage1(
-    small: SystemSpec,
-    clips: dict[str, CorpusClips],
+def train_prior(
+    corpus: Path, basis: MotionBasis, config: TrainingConfig, folder: Path, progress: bool
+) -> Path:
+    """Stage 1 on coefficients; gives its checkpoint.
+
+    Raises:
+        CorpusError, RunError.
+    """
+    net, clips = _on_coefficients(corpus, basis, config)
+    train(Stage1(net.autoencoder, *clips, config), config, folder, progress)
+    file = folder / "stage1.pth.tar"
+    save_stage1(net.autoencoder, file)
+    return file
+
+
+def train_speech(
+    corpus: Path,
+    basis: MotionBasis,
+    prior: Path,
+    whisper_wheel: Path,
     config: TrainingConfig,
     folder: Path,
     progress: bool,
 ) -> CodeTalker:
-    torch.manual_seed(config.seed)
-    net = CodeTalker(small)
-    torch.nn.init.zeros_(net.feat_map.weight)
-    stage = Stage1(net.autoencoder, clips["train"], clips["val"], config)
-    train(stage, config, folder, progress)
-    save_stage1(net.autoencoder, folder / "stage1.pth.tar")
+    """Stage 2 on coefficients over the stage 1 in the file `prior`.
+
+    Raises:
+        CorpusError, CheckpointError, RunError.
+    """
+    net, clips = _on_coefficients(corpus, basis, config)
+    load_stage1(net.autoencoder, prior)
+    net.audio_encoder.load_state_dict(whisper_weights(whisper_wheel))
+    train(Stage2(net, *clips, config), config, folder, progress)
     return net
 
 
-def export_demo(
-    net: CodeTalker, basis: MotionBasis, work: Path, bundle: Path, progress: bool
-) -> None:
-    """Lift to all vertices, write the checkpoints in the public layout, and export."""
-    full = basis.lift(net, SPEC)
-    files = {stage: work / f"{stage}.pth.tar" for stage in ("stage1", "stage2")}
+def _on_coefficients(
+    corpus: Path, basis: MotionBasis, config: TrainingConfig
+) -> tuple[CodeTalker, tuple[CorpusClips, CorpusClips]]:
+    """A fresh network, and the clips that it learns from and is validated on."""
+    torch.manual_seed(config.seed)
+    net = CodeTalker(basis.system(SPEC))
+    torch.nn.init.zeros_(net.feat_map.weight)
+    return net, (
+        CorpusClips(corpus, "train", basis, SPEC.styles),
+        CorpusClips(corpus, "val", basis, SPEC.styles),
+    )
+
+
+def save_demo(full: CodeTalker, folder: Path) -> dict[str, Path]:
+    """Write the checkpoints of the network on all vertices, in the public layout."""
+    files = {stage: folder / f"{stage}.pth.tar" for stage in ("stage1", "stage2")}
     save_system(full, [files["stage1"]], [files["stage2"]])
-    write_bundle(full, bundle, neutral_of(load_head()), files, progress, licence=LICENCE)
+    return files
 
 
 def neutral_of(head: Head) -> Neutral:

