@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import facecode
 from facecode.console import guarded
 from facecode.errors import MissingExtraError
+from facecode_exporter.bench_reference.cli import add_parser as add_bench_reference
 from facecode_exporter.demo.cli import add_baseline_parser, add_model_parser
 from facecode_exporter.demo.cli import add_parser as add_corpus_parser
 from facecode_exporter.evaluation.cli import add_parser as add_evaluate
@@ -56,7 +57,8 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
 
     add_evaluate(commands)
-    more = (add_train_parser, add_corpus_parser, add_model_parser, add_baseline_parser)
+    training = (add_train_parser, add_corpus_parser, add_model_parser, add_baseline_parser)
+    more = (*training, add_bench_reference)
 
     for command in (export, init, verify, *(add(commands) for add in more)):
         command.add_argument("--debug", action="store_true", help="show the traceback of errors")
