@@ -105,7 +105,7 @@ def benchmark(animator: Animator, load_s: float, seconds: float, window: int | N
     run = _run(timed, speech, weights, window)
     n_frames = len(run.frame_s)
     step_s = _summed([p.decoder_step for p in timed.parts])
-    motion_s = _summed([p.motion_decoder for p in timed.parts])
+    motion_s = _summed([p.motion.graph for p in timed.parts])
     head_s = [s for p in timed.parts for s in _seconds(p.vertex_head)]
     return BenchReport(
         bundle=str(animator.bundle.root),
@@ -176,7 +176,7 @@ def _timed(animator: Animator) -> Animator:
         dataclasses.replace(
             part,
             decoder_step=TimedGraph(part.decoder_step),
-            motion_decoder=TimedGraph(part.motion_decoder),
+            motion=dataclasses.replace(part.motion, graph=TimedGraph(part.motion.graph)),
             vertex_head=TimedGraph(part.vertex_head),
         )
         for part in animator.parts

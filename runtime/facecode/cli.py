@@ -12,7 +12,7 @@ from pathlib import Path
 
 import facecode
 from facecode import writers
-from facecode.animator import MODES, Animator, window_frames
+from facecode.animator import MODES, Animator
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.codes_file import parse_hold
@@ -184,12 +184,12 @@ def run_bench(args: argparse.Namespace) -> None:
     """`facecode bench`."""
     from facecode.bench import benchmark, table
 
-    window = window_frames(args.mode, args.window)
     report_file = None if args.json in (None, STANDARD_STREAM) else Path(args.json)
     if report_file is not None:
         check_folder(report_file)
     start = time.perf_counter()
     animator: Animator = facecode.load(args.bundle, threads=args.threads)
+    window = animator.window_frames(args.mode, args.window)
     report = benchmark(animator, time.perf_counter() - start, args.seconds, window)
     numbers = json.dumps(report.to_plain(), indent=1)
     if args.json == STANDARD_STREAM:

@@ -72,7 +72,7 @@ def test_bench(run_cli, tmp_path):
     assert report["frame"]["p50_ms"] <= report["frame"]["p95_ms"] <= report["frame"]["p99_ms"]
     assert report["total_s"] >= report["encoder_s"] > 0
     window = run_cli("bench", TINY, "--seconds", "1", "--mode", "window", "--json", "-")
-    assert json.loads(window.stdout)["window"] == 8
+    assert json.loads(window.stdout)["window"] == 24  # the bundle's choice
 
 
 @pytest.mark.parametrize(

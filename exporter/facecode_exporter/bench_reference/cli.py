@@ -25,8 +25,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:  # noqa: ANN401
     )
     parser.set_defaults(run=run)
     parser.add_argument("bundles", nargs="+", type=Path, metavar="DIR", help="of these weights")
-    parser.add_argument("--stage1", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--stage2", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--stage1", type=Path, nargs="+", required=True, metavar="FILE")
+    parser.add_argument("--stage2", type=Path, nargs="+", required=True, metavar="FILE")
     parser.add_argument(
         "--seconds", type=_lengths, default=LENGTHS_S, metavar="A,B", help="clips (2,6,12,20)"
     )
@@ -44,13 +44,13 @@ def run(args: argparse.Namespace) -> None:
     from facecode.session import default_threads
     from facecode_exporter.bench_reference.compare import Contestant, compare
     from facecode_exporter.bench_reference.report import table
-    from facecode_exporter.checkpoints import load_codetalker
+    from facecode_exporter.checkpoints import load_system
 
     if args.json is not None:
         check_folder(args.json)
     bundles = [Bundle.open(path) for path in args.bundles]
     system: SystemSpec = bundles[0].manifest.system
-    net = load_codetalker(system, args.stage1, args.stage2)
+    net = load_system(system, args.stage1, args.stage2)
     threads = args.threads or default_threads()
     animators = [Animator(bundle, threads) for bundle in bundles]
     contestants = [Contestant(a, mode) for a in animators for mode in args.modes]

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from facecode.animator import Animator, Mode, Request, window_frames
+from facecode.animator import Animator, Mode, Request
 from facecode.arrays import Audio
 from facecode.bench import cpu_name, looped_speech
 from facecode.session import ONNXRUNTIME_VERSION
 from facecode_exporter.bench_reference.public_algorithm import PublicAlgorithm
-from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.nets.cdface import Trained
 
 N_PREFIXES = 9
 WARM_UP_S = 1.0
@@ -91,7 +91,7 @@ class Contestant:
     @property
     def window(self) -> int | None:
         """Frames decoded a step, None in exact mode."""
-        return window_frames(self.mode, None)
+        return self.animator.window_frames(self.mode, None)
 
     def run(self, speech: Audio) -> None:
         """Animate `speech` in the first style, vertices included."""
@@ -101,7 +101,7 @@ class Contestant:
 
 
 def compare(
-    net: CodeTalker,
+    net: Trained,
     contestants: Sequence[Contestant],
     lengths_s: Sequence[float],
     rounds: int,
@@ -133,7 +133,7 @@ def compare(
 
 
 def _one_length(
-    net: CodeTalker, contestants: Sequence[Contestant], speech: Audio, rounds: int, full: bool
+    net: Trained, contestants: Sequence[Contestant], speech: Audio, rounds: int, full: bool
 ) -> tuple[ReferenceTime, list[float]]:
     """The reference, and seconds of every contestant, for one clip."""
     public = PublicAlgorithm(net, speech)
