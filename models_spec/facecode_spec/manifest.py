@@ -105,6 +105,27 @@ class ParityReport:
 
 
 @dataclass(frozen=True)
+class Deviation:
+    """How far one way of computing is from another, over all frames of the calibration audio."""
+
+    n_frames: int
+    code_agreement: float
+    """Share of codes that are equal, 0 to 1."""
+    lip_deviation: float
+    """Lip vertex error between the two, as a share of that between the face and its rest."""
+
+
+@dataclass(frozen=True)
+class WindowEntry:
+    """The default of `window` mode."""
+
+    frames: int
+    """Frames decoded at a step."""
+    deviation: Deviation
+    """From `exact`."""
+
+
+@dataclass(frozen=True)
 class Manifest:
     """manifest.json as a value; see docs/bundle-format.md."""
 
@@ -144,6 +165,9 @@ class Manifest:
     has_template: bool = True
     """False: no template was given at export; vertices are offsets from zero."""
     parity: ParityReport | None = None
+    window: WindowEntry | None = None
+    quantisation: Deviation | None = None
+    """From float32, where `precision` is another."""
 
     def to_json(self) -> str:
         """The manifest as indented JSON with a final newline."""

@@ -1,13 +1,14 @@
 """The recipe: audio -> memory -> codes -> motion. Arithmetic lives in the graphs and helpers.
 
 Equivalence: `exact` decodes the whole prefix at every step and gives the trained system's codes.
-`window` decodes the last W frames and equals `exact` for clips of up to W frames. Samples and
+`window` decodes W frames at every step and equals `exact` for clips of up to W frames. Samples and
 clips on the batch axis give what they give alone.
 """
 
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, overload
@@ -16,22 +17,24 @@ import numpy as np
 
 from facecode.animation import Animation
 from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets, Template
-from facecode.audio import AudioSource, load_audio, normalise, require_one_frame
+from facecode.audio import AudioSource, load_audio
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.errors import ModeError
-from facecode.loop import GeneratedPart, HeldPart, Memory, PartLoop, memory_frames, run_loop
-from facecode.part import Part
+from facecode.loop import GeneratedPart, HeldPart, MotionState, PartLoop, run_loop
+from facecode.motion import PrefixMotion
+from facecode.part import HEAD_CHUNK, Part
 from facecode.samples import Samples, check_codes, head_numbers, sample_counts
 from facecode.session import Graph, default_threads
+from facecode.shown import ShownFrames
+from facecode.speech import Memory, SpeechEncoder
 from facecode.styles import Style, style_weights
 from facecode.takes import Takes
 from facecode.template import TemplateSource, load_template
+from facecode.window import DEFAULT_WINDOW, SMALLEST_WINDOW, Show, WindowMotion
 from facecode_spec.manifest import Manifest
 
 Mode: TypeAlias = Literal["exact", "window"]
 MODES: tuple[Mode, ...] = ("exact", "window")
-DEFAULT_WINDOW = 8
-"""Frames that `window` decodes when none are given."""
 Held: TypeAlias = "Mapping[str, AnyArray | Animation]"
 """Codes (T, H) to keep, or a clip whose codes to keep, by part name."""
 
@@ -41,7 +44,7 @@ class Request:
     """What to generate beside the speech."""
 
     window: int | None = None
-    """Decode the last `window` frames for the feedback; None: the whole prefix."""
+    """Decode `window` frames for the feedback; None: the whole prefix."""
     samples: Samples | None = None
     hold: Held = field(default_factory=dict)
     progress: bool = False
@@ -61,7 +64,8 @@ class Animator:
             raise ValueError(f"got {threads} threads; expected at least 1")
         self.bundle, self.threads = bundle, threads
         entry = self.manifest.speech_encoder
-        self.speech_encoder = Graph(bundle.path(entry.path), entry, threads)
+        graph = Graph(bundle.path(entry.path), entry, threads)
+        self.speech_encoder = SpeechEncoder(graph, self.manifest)
         self.parts = tuple(Part.open(bundle, part, threads) for part in self.manifest.parts)
 
     @property
@@ -124,7 +128,8 @@ class Animator:
             style: a name, or a mix {name: weight}; the bundle's first style by default.
             mode: `exact` gives the trained system's codes; `window` costs the same at every
                 frame.
-            window: frames that `window` decodes, 1 or more.
+            window: frames that `window` decodes at a step, 3 or more; by default the bundle's
+                choice.
             template: another neutral face of the same topology: the name of one of the bundle's
                 identities, or .npy, .ply, .obj or (V, 3).
             sample_rate: of an audio array; the bundle's rate by default.
@@ -138,7 +143,7 @@ class Animator:
             AudioError, AudioNotFoundError, StyleError, TemplateError, ModeError, SampleError,
             CodesError, GraphError.
         """
-        request = Request(window_frames(mode, window), samples, hold or {}, progress)
+        request = Request(self.window_frames(mode, window), samples, hold or {}, progress)
         sample_counts(samples, self.parts)
         weights = style_weights(style, self.styles)
         neutral = self.neutral(template)
@@ -148,6 +153,11 @@ class Animator:
             self.animation(o, c, waveform, neutral) for o, c in zip(offsets, codes, strict=True)
         ]
         return clips[0] if samples is None else Takes(tuple(clips))
+
+    def window_frames(self, mode: str, window: int | None) -> int | None:
+        """As the function of that name, the bundle's choice by default."""
+        stated = self.manifest.window
+        return window_frames(mode, window, DEFAULT_WINDOW if stated is None else stated.frames)
 
     def animation(
         self, offsets: Offsets, codes: Codes, waveform: Audio, neutral: Template
@@ -183,15 +193,14 @@ class Animator:
         Raises:
             AudioTooShortError
         """
-        require_one_frame(waveform, self.manifest.sample_rate, self.manifest.min_samples)
-        if self.manifest.normalise_audio:
-            waveform = normalise(waveform)
-        names = [t.name for t in self.manifest.speech_encoder.outputs]
-        outputs = self.speech_encoder.run(names, audio=waveform[None])
-        return dict(zip(names, outputs, strict=True))
+        return self.speech_encoder.encode(waveform)
 
     def generate(
-        self, memories: Sequence[Memory], weights: Float32, request: Request
+        self,
+        memories: Sequence[Memory],
+        weights: Float32,
+        request: Request,
+        shows: Sequence[Show] = (),
     ) -> Iterable[list[Codes]]:
         """The step loop: for every frame the codes (n_clips, rows, H) of each part.
 
@@ -199,37 +208,86 @@ class Animator:
             memories: of `encode`, of clips of falling length.
             weights: style weights (n_clips, n_styles).
             request: window, samples and held codes.
+            shows: for each part, what takes its hidden frames in `window` mode.
 
         Raises:
             SampleError, CodesError.
         """
-        lengths = [memory_frames(memory) for memory in memories]
-        together = _together(memories)
+        lengths = [memory.n_frames for memory in memories]
         counts = sample_counts(request.samples, self.parts)
         held = {name: self._held(name, clip, lengths) for name, clip in request.hold.items()}
         heads = head_numbers({name: 1 if name in held else n for name, n in counts.items()})
         loops: list[PartLoop] = [
             HeldPart(held[part.name])
             if part.name in held
-            else GeneratedPart(part, together, weights, heads[part.name], request.window)
-            for part in self.parts
+            else self._generated(part, memories, weights, heads[part.name], request.window, show)
+            for part, show in zip(self.parts, shows or (_ignore,) * len(self.parts), strict=True)
         ]
         frames = run_loop(self.parts, loops, lengths)
         return _with_bar(frames, lengths[0]) if request.progress else frames
+
+    def _generated(
+        self,
+        part: Part,
+        memories: Sequence[Memory],
+        weights: Float32,
+        samples: AnyArray,
+        window: int | None,
+        show: Show,
+    ) -> GeneratedPart:
+        n_rows = len(weights) * len(samples)
+        shape = (part.codes_per_frame, part.codebook.rows.shape[1])
+        motion: MotionState = (
+            PrefixMotion(part.motion, n_rows, shape)
+            if window is None
+            else WindowMotion(part.motion, n_rows, shape, window, show)
+        )
+        return GeneratedPart(part, memories, weights, samples, motion)
 
     def move(
         self, memories: Sequence[Memory], weights: Float32, request: Request
     ) -> list[tuple[Codes, Offsets]]:
         """Codes (K, T, H) and offsets (K, T, V, 3) of each clip, K faces a clip; see `generate`."""
-        frames = list(self.generate(memories, weights, request))
+        shows = [ShownFrames() for _ in self.parts]
+        frames = list(self.generate(memories, weights, request, shows))
         moved = []
         for i, memory in enumerate(memories):
-            reached = frames[: memory_frames(memory)]
+            reached = frames[: memory.n_frames]
             clip = [
                 np.stack([frame[p][i] for frame in reached], axis=1) for p in range(len(self.parts))
             ]
-            moved.append(self._compose(clip))
+            moved.append(
+                self._compose(
+                    clip, [_of_clip(show, i, c) for show, c in zip(shows, clip, strict=True)]
+                )
+            )
         return moved
+
+    def blocks(
+        self, memory: Memory, weights: Float32, window: int
+    ) -> Iterator[tuple[Codes, Offsets]]:
+        """One clip in `window` mode, codes (n, H) and offsets (n, V, 3) as they become final.
+
+        Blocks follow each other; nothing of those given is kept, so that a clip may have any
+        length.
+        """
+        shows = [ShownFrames() for _ in self.parts]
+        waiting: deque[list[Codes]] = deque()
+        for frame in self.generate([memory], weights[None], Request(window), shows):
+            waiting.append(frame)
+            if len(shows[0]) >= HEAD_CHUNK:
+                yield self._block(shows, waiting)
+        while waiting:
+            yield self._block(shows, waiting)
+
+    def _block(
+        self, shows: Sequence[ShownFrames], waiting: deque[list[Codes]]
+    ) -> tuple[Codes, Offsets]:
+        hidden = [show.take(0, 1) for show in shows]
+        frames = [waiting.popleft() for _ in range(hidden[0].shape[1])]
+        clip = [np.stack([frame[p][0] for frame in frames], axis=1) for p in range(len(shows))]
+        codes, offsets = self._compose(clip, hidden)
+        return codes[0], offsets[0]
 
     def decode(self, codes: Codes) -> Offsets:
         """Codes (T, H) of a clip, or (B, T, H) of several, to offsets (T, V, 3) or (B, T, V, 3).
@@ -241,9 +299,9 @@ class Animator:
         columns = np.split(np.asarray(codes), edges[:-1], axis=-1)
         apart = [check_codes(c, part) for c, part in zip(columns, self.parts, strict=True)]
         if apart[0].ndim == 2:
-            _, (offsets,) = self._compose([c[None] for c in apart])
+            _, (offsets,) = self._compose([c[None] for c in apart], [None] * len(apart))
             return np.asarray(offsets)
-        return self._compose(apart)[1]
+        return self._compose(apart, [None] * len(apart))[1]
 
     def _held(self, name: str, kept: AnyArray | Animation, lengths: Sequence[int]) -> Codes:
         """(1, T, H) codes of a part, for the one clip that there is."""
@@ -254,15 +312,23 @@ class Animator:
         codes = kept.codes_of(name) if isinstance(kept, Animation) else kept
         return check_codes(codes, part, lengths[0])[None]
 
-    def _compose(self, clip: Sequence[Codes]) -> tuple[Codes, Offsets]:
-        """Rows of each part's codes (rows, T, H) to codes and offsets of all faces."""
+    def _compose(
+        self, clip: Sequence[Codes], hidden: Sequence[Float32 | None]
+    ) -> tuple[Codes, Offsets]:
+        """Rows of each part's codes (rows, T, H) to codes and offsets of all faces.
+
+        What `window` has decoded already comes as hidden frames (rows, T, E).
+        """
         n_faces = max(len(codes) for codes in clip)
         n_frames = clip[0].shape[1]
         offsets = np.empty((n_faces, n_frames, self.manifest.n_vertices, 3), dtype=np.float32)
         every = []
-        for part, codes in zip(self.parts, clip, strict=True):
+        for part, codes, shown in zip(self.parts, clip, hidden, strict=True):
             share = n_faces // len(codes)
-            part.decode(codes, offsets[::share])
+            if shown is None:
+                part.decode(codes, offsets[::share])
+            else:
+                part.show(shown, offsets[::share])
             for k in range(1, share):
                 _copy(offsets[::share], offsets[k::share], part)
             every.append(np.repeat(codes, share, axis=0))
@@ -278,11 +344,11 @@ def load(path: str | os.PathLike[str] | None = None, *, threads: int | None = No
     return Animator(Bundle.open(PACKAGED_BUNDLE if path is None else path), threads)
 
 
-def window_frames(mode: str, window: int | None) -> int | None:
+def window_frames(mode: str, window: int | None, default: int = DEFAULT_WINDOW) -> int | None:
     """Frames to decode per step: None for the whole prefix.
 
     Raises:
-        ModeError: unknown mode, `window` without window mode, or not positive.
+        ModeError: unknown mode, `window` without window mode, or too small.
     """
     if mode not in MODES:
         raise ModeError(f"got mode {mode!r}; expected one of {', '.join(MODES)}")
@@ -290,22 +356,22 @@ def window_frames(mode: str, window: int | None) -> int | None:
         if window is not None:
             raise ModeError("a window goes with mode 'window'; exact decodes the whole prefix")
         return None
-    if window is not None and window < 1:
-        raise ModeError(f"got a window of {window} frames; expected at least 1")
-    return DEFAULT_WINDOW if window is None else window
+    if window is not None and window < SMALLEST_WINDOW:
+        raise ModeError(
+            f"got a window of {window} frames; expected at least {SMALLEST_WINDOW}, since the "
+            "newest frame changes two before it"
+        )
+    return default if window is None else window
 
 
-def _together(memories: Sequence[Memory]) -> Memory:
-    """Memories of clips of falling length as one, zeros after the end of each."""
-    if len(memories) == 1:
-        return memories[0]
-    together = {}
-    for name, longest in memories[0].items():
-        rows = np.zeros((len(memories), *longest.shape[1:]), longest.dtype)
-        for row, memory in zip(rows, memories, strict=True):
-            row[: memory[name].shape[1]] = memory[name][0]
-        together[name] = rows
-    return together
+def _of_clip(show: ShownFrames, clip: int, codes: Codes) -> Float32 | None:
+    """Hidden frames (rows, T, E) of a clip with codes (rows, T, H), where there are any."""
+    first, last = clip * len(codes), (clip + 1) * len(codes)
+    return show.take(first, last) if show.has(first) else None
+
+
+def _ignore(rows: slice, hidden: Float32) -> None:
+    """Frames that nobody looks at."""
 
 
 def _copy(source: Offsets, target: Offsets, part: Part) -> None:

@@ -7,6 +7,7 @@ enough for one frame. Knows nothing of bundles or graphs.
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
@@ -23,6 +24,9 @@ from facecode.errors import (
 
 SPEECH = Path(__file__).parent / "assets" / "speech.flac"
 """The packaged recording; see LICENSE-speech.txt beside it."""
+
+BLOCK = 1 << 20
+"""Samples whose squares are held at once."""
 
 AudioSource: TypeAlias = "str | os.PathLike[str] | BinaryIO | AnyArray"
 
@@ -59,15 +63,34 @@ def load_audio(source: AudioSource, rate: int, array_rate: int | None = None) ->
 
 
 def normalise(audio: Audio) -> Audio:
-    """Zero mean and unit variance over the clip, as wav2vec 2.0 was trained on.
+    """Zero mean and unit variance over the clip, as wav2vec 2.0 was trained on; see `Level`."""
+    return Level.of(audio).apply(audio)
+
+
+@dataclass(frozen=True)
+class Level:
+    """Mean and deviation of a clip, to normalise all of it or a piece at a time.
 
     `(x - mean) / sqrt(var + 1e-7)` with the population variance; sums in float64, so that an
     hour of audio is as exact as a second. Silence stays zero.
     """
-    mean = audio.mean(dtype=np.float64)
-    variance = np.square(audio - mean, dtype=np.float64).mean()
-    normalised: Audio = ((audio - mean) / np.sqrt(variance + 1e-7)).astype(np.float32)
-    return normalised
+
+    mean: np.float64
+    deviation: np.float64
+
+    @classmethod
+    def of(cls, audio: Audio) -> Level:
+        """Measure a clip (n_samples,)."""
+        blocks = range(0, len(audio), BLOCK)
+        mean = sum(audio[i : i + BLOCK].sum(dtype=np.float64) for i in blocks) / len(audio)
+        squares = (np.square(audio[i : i + BLOCK] - mean, dtype=np.float64) for i in blocks)
+        variance = sum(block.sum() for block in squares) / len(audio)
+        return cls(np.float64(mean), np.sqrt(np.float64(variance) + 1e-7))
+
+    def apply(self, audio: Audio) -> Audio:
+        """The clip, or a piece of it, normalised."""
+        normalised: Audio = ((audio - self.mean) / self.deviation).astype(np.float32)
+        return normalised
 
 
 def require_one_frame(audio: Audio, rate: int, min_samples: int) -> None:

@@ -7,6 +7,7 @@ depend on the weights, nor on what is said.
 from __future__ import annotations
 
 import dataclasses
+import os
 import platform
 import sys
 import time
@@ -22,8 +23,12 @@ from facecode.arrays import AnyArray, Audio, Float32
 from facecode.audio import SPEECH, load_audio
 from facecode.part import HEAD_CHUNK
 from facecode.session import ONNXRUNTIME_VERSION, Graph
+from facecode.shown import ShownFrames
+from facecode.speech import SpeechEncoder
 
 WARM_UP_S = 1.0
+ROUNDS = 3
+MEMORY_SAMPLES = 50
 
 
 class TimedGraph(Graph):
@@ -89,6 +94,10 @@ class BenchReport:
     first_frame_ms: float
     """From the waveform to the vertices of frame 0, encoder included."""
     peak_memory_mb: float
+    memory_mb: tuple[float, ...]
+    """Resident size of the process over the loop, at even distances."""
+    frame_ms: tuple[float, ...]
+    """Latency of every frame."""
 
     def to_plain(self) -> dict[str, Any]:
         """As plain data for JSON."""
@@ -96,7 +105,7 @@ class BenchReport:
 
 
 def benchmark(animator: Animator, load_s: float, seconds: float, window: int | None) -> BenchReport:
-    """Time one clip of `seconds`; `window` as in `Animator.generate`."""
+    """Time one clip of `seconds`; `window` as in `Request`."""
     m = animator.manifest
     speech = looped_speech(m.sample_rate, seconds)
     weights = np.eye(1, len(m.styles), dtype=np.float32)[0]
@@ -105,7 +114,7 @@ def benchmark(animator: Animator, load_s: float, seconds: float, window: int | N
     run = _run(timed, speech, weights, window)
     n_frames = len(run.frame_s)
     step_s = _summed([p.decoder_step for p in timed.parts])
-    motion_s = _summed([p.motion_decoder for p in timed.parts])
+    motion_s = _summed([p.motion.graph for p in timed.parts])
     head_s = [s for p in timed.parts for s in _seconds(p.vertex_head)]
     return BenchReport(
         bundle=str(animator.bundle.root),
@@ -121,7 +130,7 @@ def benchmark(animator: Animator, load_s: float, seconds: float, window: int | N
         n_frames=n_frames,
         warm_up_s=WARM_UP_S,
         load_s=load_s,
-        encoder_s=run.encoder_s,
+        encoder_s=sum(_seconds(timed.speech_encoder.graph)),
         frame=Latency.of(run.frame_s),
         decoder_step=Latency.of(step_s),
         motion_decoder=Latency.of(motion_s[:-1] or [0.0]),
@@ -131,6 +140,8 @@ def benchmark(animator: Animator, load_s: float, seconds: float, window: int | N
         real_time_factor=run.total_s * m.sample_rate / len(speech),
         first_frame_ms=1000 * _first_frame(animator, speech, weights),
         peak_memory_mb=peak_memory_mb(),
+        memory_mb=run.memory_mb,
+        frame_ms=tuple(1000 * s for s in run.frame_s),
     )
 
 
@@ -142,23 +153,42 @@ def looped_speech(rate: int, seconds: float) -> Audio:
 
 @dataclass(frozen=True)
 class _Run:
-    encoder_s: float
     frame_s: list[float]
     total_s: float
+    memory_mb: tuple[float, ...]
 
 
 def _run(animator: Animator, speech: Audio, weights: Float32, window: int | None) -> _Run:
+    """One clip; in `window` mode vertices are made as frames become final, and dropped."""
     start = time.perf_counter()
     memory = animator.encode(speech)
-    encoded = previous = time.perf_counter()
-    frames, codes = [], []
-    for code in animator.generate([memory], weights[None], Request(window)):
+    previous = time.perf_counter()
+    every = max(1, memory.n_frames // MEMORY_SAMPLES)
+    frames, codes, resident = [], [], []
+    shows = [ShownFrames() for _ in animator.parts]
+    for code in animator.generate([memory], weights[None], Request(window), shows):
         now = time.perf_counter()
         frames.append(now - previous)
-        codes.append(np.concatenate(code, axis=-1))
-        previous = now
-    animator.decode(np.concatenate(codes, axis=1))
-    return _Run(encoded - start, frames, time.perf_counter() - start)
+        if window is None:
+            codes.append(np.concatenate(code, axis=-1))
+        elif len(shows[0]) >= HEAD_CHUNK:
+            _drop(animator, shows)
+        if len(frames) % every == 0:
+            resident.append(resident_memory_mb())
+        previous = time.perf_counter()
+    if window is None:
+        animator.decode(np.concatenate(codes, axis=1))
+    else:
+        _drop(animator, shows)
+    return _Run(frames, time.perf_counter() - start, tuple(resident))
+
+
+def _drop(animator: Animator, shows: Sequence[ShownFrames]) -> None:
+    """Vertices of the waiting frames, looked at by nobody."""
+    for part, show in zip(animator.parts, shows, strict=True):
+        hidden = show.take(0, 1)
+        size = (*hidden.shape[:2], animator.manifest.n_vertices, 3)
+        part.show(hidden, np.empty(size, np.float32))
 
 
 def _first_frame(animator: Animator, speech: Audio, weights: Float32) -> float:
@@ -172,11 +202,13 @@ def _timed(animator: Animator) -> Animator:
     """The same animator with its parts' graphs timed."""
     copy = object.__new__(Animator)
     copy.__dict__.update(animator.__dict__)
+    encoder = TimedGraph(animator.speech_encoder.graph)
+    copy.speech_encoder = SpeechEncoder(encoder, animator.manifest)
     copy.parts = tuple(
         dataclasses.replace(
             part,
             decoder_step=TimedGraph(part.decoder_step),
-            motion_decoder=TimedGraph(part.motion_decoder),
+            motion=dataclasses.replace(part.motion, graph=TimedGraph(part.motion.graph)),
             vertex_head=TimedGraph(part.vertex_head),
         )
         for part in animator.parts
@@ -192,36 +224,6 @@ def _summed(graphs: Sequence[Graph]) -> list[float]:
 def _seconds(graph: Graph) -> list[float]:
     assert isinstance(graph, TimedGraph)
     return graph.seconds
-
-
-def table(report: BenchReport) -> str:
-    """The report for people."""
-    r = report
-    window = "" if r.window is None else f", window {r.window}"
-    head = (
-        f"{r.system} {r.precision}, {r.mode} mode{window}, {r.audio_s:g} s of speech "
-        f"({r.n_frames} frames) after {r.warm_up_s:g} s of warm-up\n"
-        f"{r.cpu}, {r.threads} threads, onnxruntime {r.onnxruntime}, Python {r.python}\n"
-    )
-    rows: list[tuple[str, ...]] = [("ms per frame", "p50", "p95", "p99", "mean")]
-    for name, latency in (
-        ("frame (loop)", r.frame),
-        ("  decoder step", r.decoder_step),
-        ("  motion decoder", r.motion_decoder),
-    ):
-        rows.append((name, *(f"{v:.2f}" for v in dataclasses.astuple(latency))))
-    rows.append(("final decode", "", "", "", f"{r.final_decode_ms_per_frame:.2f}"))
-    rows.append(
-        (f"vertex head ({HEAD_CHUNK} a call)", "", "", "", f"{r.vertex_head_ms_per_frame:.2f}")
-    )
-    body = "\n".join(f"{row[0]:<24}" + "".join(f"{c:>9}" for c in row[1:]) for row in rows)
-    foot = (
-        f"speech encoder {r.encoder_s:.2f} s ({1000 * r.encoder_s / r.audio_s:.0f} ms a second); "
-        f"total {r.total_s:.2f} s, real-time factor {r.real_time_factor:.3f}\n"
-        f"first frame after {r.first_frame_ms:.0f} ms; load {r.load_s:.2f} s; "
-        f"peak memory {r.peak_memory_mb:,.0f} MB"
-    )
-    return f"{head}\n{body}\n\n{foot}"
 
 
 def cpu_name() -> str:
@@ -242,3 +244,23 @@ def peak_memory_mb() -> float:
         return float("nan")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
+
+
+def resident_memory_mb() -> float:
+    """The resident size of this process now, in 10^6 bytes; not a number where it is unknown."""
+    statm = Path("/proc/self/statm")
+    if not statm.is_file():
+        return float("nan")
+    return int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def compare(
+    animators: Sequence[Animator], seconds: float, mode: str, window: int | None
+) -> list[BenchReport]:
+    """Time several bundles in turns; of each the run with the median total of ROUNDS."""
+    runs: list[list[BenchReport]] = [[] for _ in animators]
+    for _ in range(ROUNDS):
+        for animator, reports in zip(animators, runs, strict=True):
+            frames = animator.window_frames(mode, window)
+            reports.append(benchmark(animator, float("nan"), seconds, frames))
+    return [sorted(reports, key=lambda r: r.total_s)[ROUNDS // 2] for reports in runs]

@@ -10,36 +10,54 @@ from facecode.arrays import AnyArray
 class GrowingBuffer:
     """An array that grows along its second axis; capacity doubles when it is full.
 
-    `view()` of a batch of one is contiguous, so that a graph reads it where it lies.
+    `view()` of a batch of one is contiguous, so that a graph reads it where it lies. With a
+    `limit` the last `limit` rows are kept, moved to the front when twice as many are full.
     """
 
-    def __init__(self, n_batch: int, row_shape: tuple[int, ...], capacity: int = 64) -> None:
+    def __init__(
+        self,
+        n_batch: int,
+        row_shape: tuple[int, ...],
+        capacity: int = 64,
+        limit: int | None = None,
+    ) -> None:
+        if limit is not None:
+            capacity = 2 * limit
+        self._limit = limit
         self._data = np.empty((n_batch, capacity, *row_shape), dtype=np.float32)
         self.n_rows = 0
 
     def append(self, rows: AnyArray) -> None:
         """Add one row per batch item, or to the first `len(rows)` of them: (b, *row_shape)."""
         if self.n_rows == self._data.shape[1]:
+            self._make_room()
+        self._data[: len(rows), self.n_rows] = rows
+        self.n_rows += 1
+
+    def _make_room(self) -> None:
+        if self._limit is not None:
+            self._data[:, : self._limit] = self._data[:, -self._limit :]
+            self.n_rows = self._limit
+        else:
             grown = np.empty(
                 (len(self._data), 2 * self.n_rows, *self._data.shape[2:]), self._data.dtype
             )
             grown[:, : self.n_rows] = self._data
             self._data = grown
-        self._data[: len(rows), self.n_rows] = rows
-        self.n_rows += 1
 
-    def view(self, last: int | None = None, n_batch: int | None = None) -> AnyArray:
-        """The rows so far, or the last `last`, of the first `n_batch` items: (b, n, *row_shape)."""
-        start = 0 if last is None else max(0, self.n_rows - last)
+    def view(self, n_batch: int | None = None) -> AnyArray:
+        """The rows so far, or the last `limit`, of the first `n_batch`: (b, n, *row_shape)."""
+        start = 0 if self._limit is None else max(0, self.n_rows - self._limit)
         return self._data[:n_batch, start : self.n_rows]
 
 
 class KeyValueCache:
     """Past keys and values of every self-attention layer, one buffer per layer and kind."""
 
-    def __init__(self, n_layers: int, n_batch: int, dim: int) -> None:
-        self._keys = [GrowingBuffer(n_batch, (dim,)) for _ in range(n_layers)]
-        self._values = [GrowingBuffer(n_batch, (dim,)) for _ in range(n_layers)]
+    def __init__(self, n_layers: int, n_batch: int, dim: int, limit: int | None = None) -> None:
+        """Empty; with a `limit`, of that many frames at most."""
+        self._keys = [GrowingBuffer(n_batch, (dim,), limit=limit) for _ in range(n_layers)]
+        self._values = [GrowingBuffer(n_batch, (dim,), limit=limit) for _ in range(n_layers)]
 
     def append(self, keys: AnyArray, values: AnyArray) -> None:
         """Add the new rows of all layers: keys and values (n_layers, b, D)."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import facecode
 from facecode import writers
-from facecode.animator import MODES, Animator, window_frames
+from facecode.animator import MODES, Animator
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.codes_file import parse_hold
@@ -87,6 +87,8 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     bench.set_defaults(run=run_bench)
     bench.add_argument("bundle", nargs="?", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
     bench.add_argument("--seconds", type=_positive(float), default=10.0, help="of speech (10)")
+    bench.add_argument("--compare", type=Path, metavar="DIR", help="another bundle, in turns")
+    bench.add_argument("--plot", type=Path, metavar="PNG", help="latency against frame index")
     bench.add_argument("--json", metavar="FILE", help="write the numbers to FILE, or - ")
     _add_mode(bench)
     _add_threads(bench)
@@ -182,20 +184,30 @@ def run_info(args: argparse.Namespace) -> None:
 
 def run_bench(args: argparse.Namespace) -> None:
     """`facecode bench`."""
-    from facecode.bench import benchmark, table
+    from facecode.bench import benchmark, compare
+    from facecode.bench_report import comparison, plot, table
 
-    window = window_frames(args.mode, args.window)
     report_file = None if args.json in (None, STANDARD_STREAM) else Path(args.json)
-    if report_file is not None:
-        check_folder(report_file)
+    for file in (report_file, args.plot):
+        if file is not None:
+            check_folder(file)
     start = time.perf_counter()
     animator: Animator = facecode.load(args.bundle, threads=args.threads)
-    report = benchmark(animator, time.perf_counter() - start, args.seconds, window)
-    numbers = json.dumps(report.to_plain(), indent=1)
+    load_s = time.perf_counter() - start
+    if args.compare is None:
+        window = animator.window_frames(args.mode, args.window)
+        reports = [benchmark(animator, load_s, args.seconds, window)]
+    else:
+        both = [animator, facecode.load(args.compare, threads=args.threads)]
+        reports = compare(both, args.seconds, args.mode, args.window)
+    if args.plot is not None:
+        plot(reports, args.plot)
+    plain = [report.to_plain() for report in reports]
+    numbers = json.dumps(plain if args.compare else plain[0], indent=1)
     if args.json == STANDARD_STREAM:
         print(numbers)
         return
-    print(table(report))
+    print(table(reports[0]) if args.compare is None else comparison(*reports))
     if report_file is not None:
         with writing(report_file) as file:
             file.write(f"{numbers}\n".encode())

@@ -13,20 +13,13 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from facecode.arrays import AnyArray, Codes, Float32, Vectors
-from facecode.buffers import GrowingBuffer, KeyValueCache
+from facecode.buffers import KeyValueCache
 from facecode.part import Part
+from facecode.speech import Memory, frames_of
 from facecode_spec.graphs import condition
 
-Memory: TypeAlias = dict[str, AnyArray]
-"""What the cross-attention reads, by graph input name, frames on axis 1."""
 Counts: TypeAlias = Mapping[str, int]
 """Samples by part name."""
-
-
-def memory_frames(memory: Memory) -> int:
-    """T of an encoded clip."""
-    n_frames: int = next(iter(memory.values())).shape[1]
-    return n_frames
 
 
 class PartLoop(Protocol):
@@ -35,6 +28,26 @@ class PartLoop(Protocol):
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:
         """Codes (rows, H) of frame `step` for the rows of the first `n_clips` clips."""
 
+    def finish(self) -> None:
+        """Say that no frame follows."""
+
+
+class MotionState(Protocol):
+    """What the rows of a part have moved so far, and the embedding of the newest motion."""
+
+    @property
+    def longest_past(self) -> int | None:
+        """Frames that self-attention looks back at most; None: all."""
+
+    def append(self, vectors: Vectors) -> None:
+        """Add the code vectors (rows, H, C) of one frame."""
+
+    def feed_back(self, n: int) -> Float32:
+        """(n, D) for the first `n` rows, before the next frame; the others have ended."""
+
+    def finish(self) -> None:
+        """In place of `feed_back`: no frame follows."""
+
 
 class GeneratedPart:
     """A part that listens: decoder step, nearest codes, motion fed back."""
@@ -42,36 +55,35 @@ class GeneratedPart:
     def __init__(
         self,
         part: Part,
-        memory: Memory,
+        memories: Sequence[Memory],
         weights: Float32,
         samples: AnyArray,
-        window: int | None,
+        motion: MotionState,
     ) -> None:
         """Begin at frame 0.
 
         Args:
             part: the part.
-            memory: (n_clips, T, ...) of each input.
+            memories: of clips of falling length.
             weights: style weights (n_clips, n_styles).
             samples: (rows of a clip,) which head answers for each of a clip's rows.
-            window: decode the last `window` frames for the feedback; None: the whole prefix.
+            motion: of as many rows.
         """
         n_rows = len(weights) * len(samples)
-        self._part, self._window, self._rows = part, window, len(samples)
-        self._memory = {name: memory[name] for name in part.memory}
+        self._part, self._motion, self._rows = part, motion, len(samples)
+        self._memories = memories
         self._weights = np.repeat(weights, len(samples), axis=0)
         self._samples = np.tile(samples, len(weights))
-        self._cache = KeyValueCache(part.n_layers, n_rows, part.dim)
-        codebook_width = part.codebook.rows.shape[1]
-        self._prefix = GrowingBuffer(n_rows, (part.codes_per_frame, codebook_width))
+        self._cache = KeyValueCache(part.n_layers, n_rows, part.dim, motion.longest_past)
 
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:
         """See `PartLoop`."""
         part, n = self._part, n_clips * self._rows
         motion = np.zeros((n, part.dim), dtype=np.float32)
         if step:
-            motion = part.feed_back(self._prefix.view(self._window, n))
+            motion = self._motion.feed_back(n)
         inputs = {name: _repeated(conditions[name], n) for name in part.conditions_on}
+        heard = frames_of(self._memories[:n_clips], step)
         features, keys, values = part.decoder_step.run(
             ("features", "keys", "values"),
             motion=motion,
@@ -79,13 +91,17 @@ class GeneratedPart:
             step=np.array(step),
             **({"sample": self._samples[:n]} if part.n_samples > 1 else {}),
             **{condition(name): vectors for name, vectors in inputs.items()},
-            **{name: _repeated(m[:n_clips, step], n) for name, m in self._memory.items()},
+            **{name: _repeated(heard[name], n) for name in part.memory},
             **self._cache.inputs(n),
         )
         self._cache.append(keys, values)
         codes = part.codebook.nearest(features)
-        self._prefix.append(part.codebook.look_up(codes))
+        self._motion.append(part.codebook.look_up(codes))
         return codes
+
+    def finish(self) -> None:
+        """See `PartLoop`."""
+        self._motion.finish()
 
 
 class HeldPart:
@@ -97,6 +113,9 @@ class HeldPart:
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:  # noqa: ARG002
         """See `PartLoop`."""
         return self._codes[:n_clips, step]
+
+    def finish(self) -> None:
+        """See `PartLoop`."""
 
 
 def run_loop(
@@ -118,6 +137,8 @@ def run_loop(
             vectors[part.name] = part.codebook.look_up(codes)
             frame.append(codes.reshape(n_clips, -1, codes.shape[-1]))
         yield frame
+    for loop in loops:
+        loop.finish()
 
 
 def _repeated(rows: AnyArray, n: int) -> AnyArray:

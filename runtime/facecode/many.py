@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from facecode.animation import Animation
-from facecode.animator import Animator, Mode, Request, load, window_frames
+from facecode.animator import Animator, Mode, Request, load
 from facecode.arrays import Audio, Float32, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.errors import FacecodeError
-from facecode.loop import Memory, memory_frames
+from facecode.speech import Memory
 from facecode.styles import Style, style_weights
 from facecode.template import TemplateSource
 
@@ -54,7 +54,7 @@ def animate_many(
     if batch_size < 1:
         raise ValueError(f"got batches of {batch_size} clips; expected at least 1")
     face = load() if face is None else face
-    request = Request(window_frames(mode, window))
+    request = Request(face.window_frames(mode, window))
     weights = style_weights(style, face.styles)
     neutral = face.neutral(template)
     return _batches(face, sources, weights, request, neutral, sample_rate, batch_size)
@@ -100,7 +100,7 @@ def _moved(
         h if isinstance(h, FacecodeError) else None for h in heard
     ]
     clips = [(i, *h) for i, h in enumerate(heard) if not isinstance(h, FacecodeError)]
-    clips.sort(key=lambda clip: -memory_frames(clip[2]))
+    clips.sort(key=lambda clip: -clip[2].n_frames)
     if clips:
         styles = np.repeat(weights[None], len(clips), axis=0)
         moved = face.move([memory for _, _, memory in clips], styles, request)

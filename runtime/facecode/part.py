@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facecode.arrays import Codes, Float32, Indices, Offsets, Vectors
+from facecode.arrays import Codes, Float32, Indices, Offsets
 from facecode.bundle import Bundle, load_array
 from facecode.codebook import Codebook
+from facecode.motion import MotionDecoder
 from facecode.session import Graph
 from facecode_spec.manifest import PartEntry
 
@@ -23,7 +24,7 @@ class Part:
     name: str
     codebook: Codebook
     decoder_step: Graph
-    motion_decoder: Graph
+    motion: MotionDecoder
     vertex_head: Graph
     n_layers: int
     dim: int
@@ -57,7 +58,7 @@ class Part:
             entry.name,
             Codebook(rows),
             step,
-            motion,
+            MotionDecoder.of(motion, entry.motion_decoder),
             head,
             int(n_layers),
             int(dim),
@@ -68,20 +69,16 @@ class Part:
             bundle.part_vertices(entry),
         )
 
-    def feed_back(self, vectors: Vectors) -> Float32:
-        """Code vectors (B, n, H, C) to the embedding of the last frame's motion (B, D)."""
-        last = np.array([vectors.shape[1] - 1])
-        return self.motion_decoder.run(("feedback",), features=vectors, frames=last)[0]
-
     def decode(self, codes: Codes, offsets: Offsets) -> None:
         """Codes (B, T, H) of whole clips to `offsets` (B, T, V, 3), at the part's vertices."""
-        n_frames = codes.shape[1]
-        hidden = self.motion_decoder.run(
-            ("hidden",),
-            features=self.codebook.look_up(codes),
-            frames=np.arange(n_frames),
-        )[0]
-        for start in range(0, n_frames, HEAD_CHUNK):
+        (hidden,) = self.motion.run(
+            ("hidden",), self.codebook.look_up(codes), np.arange(codes.shape[1])
+        )
+        self.show(hidden, offsets)
+
+    def show(self, hidden: Float32, offsets: Offsets) -> None:
+        """Hidden frames (B, T, E) to `offsets` (B, T, V, 3), at the part's vertices."""
+        for start in range(0, hidden.shape[1], HEAD_CHUNK):
             chunk = slice(start, start + HEAD_CHUNK)
             moved = self.vertex_head.run(("offsets",), hidden=hidden[:, chunk])[0]
             if self.vertices is None:

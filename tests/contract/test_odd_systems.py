@@ -9,9 +9,10 @@ import torch
 from facecode.animator import Animator
 from facecode.bundle import Bundle
 from facecode_exporter import bundle_writer, parity
+from facecode_exporter.motion_view import MotionDecoderView
 from facecode_exporter.nets.speech import FAMILIES, n_frames, samples_for
 from facecode_exporter.random_weights import random_network
-from facecode_exporter.views import DecoderStepView, MotionDecoderView
+from facecode_exporter.views import DecoderStepView
 from facecode_spec.schema import CodebookSpec
 from facecode_spec.systems import SYSTEMS
 
@@ -118,9 +119,16 @@ def test_fused_feedback_is_the_plain_path(exported):
     """E x D product against: offsets of every vertex, then their embedding."""
     net, _, _ = exported
     view = MotionDecoderView(net)
-    features = torch.randn(2, 9, *view.quantize.embedding.weight.shape[:0], 3, 7)
+    dim, heads, layers = net.part.motion_decoder.dim, 3, 1
+    features = torch.randn(2, 9, 3, 7)
+    none = torch.zeros(2, 0, dim)
+    past = [torch.zeros(2, heads, 0, dim // heads)] * 2 * layers
+    zeros, empty = torch.zeros(2, dim), torch.zeros(0)
     with torch.no_grad():
-        _, hidden, feedback = view(features, torch.arange(9))
+        _, hidden, feedback, *_ = view(
+            *(features, features[:, :0], none, none, torch.arange(9)),
+            *(torch.tensor(0.0), zeros, zeros, empty, empty, *past),
+        )
         offsets = net.autoencoder.decode_features(features)[1]
         plain = net.vertice_map(offsets[:, -1])
     torch.testing.assert_close(feedback, plain, rtol=1e-5, atol=1e-5)
@@ -159,6 +167,7 @@ def test_batches_are_their_clips(exported):
     _, animator, _ = exported
     rng = np.random.default_rng(0)
     vectors = rng.standard_normal((3, 8, 3, 7)).astype(np.float32)
-    together = animator.parts[0].feed_back(vectors)
-    apart = np.concatenate([animator.parts[0].feed_back(v[None]) for v in vectors])
+    motion, last = animator.parts[0].motion, np.array([7])
+    (together,) = motion.run(("feedback",), vectors, last)
+    apart = np.concatenate([motion.run(("feedback",), v[None], last)[0] for v in vectors])
     np.testing.assert_allclose(together, apart, atol=1e-5)

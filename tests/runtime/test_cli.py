@@ -72,7 +72,31 @@ def test_bench(run_cli, tmp_path):
     assert report["frame"]["p50_ms"] <= report["frame"]["p95_ms"] <= report["frame"]["p99_ms"]
     assert report["total_s"] >= report["encoder_s"] > 0
     window = run_cli("bench", TINY, "--seconds", "1", "--mode", "window", "--json", "-")
-    assert json.loads(window.stdout)["window"] == 8
+    assert json.loads(window.stdout)["window"] == 24  # the bundle's choice
+    assert len(json.loads(window.stdout)["frame_ms"]) == 29
+
+
+def test_bench_compares_and_plots(run_cli, tmp_path):
+    pytest.importorskip("matplotlib")
+    both = ("bench", TINY, "--compare", TINY, "--seconds", "1", "--plot", "latency.png")
+    done = run_cli(*both, "--mode", "window", "--window", "4", "--json", "both.json")
+    assert done.returncode == 0, done.stderr
+    assert "real-time factor" in done.stdout
+    assert (tmp_path / "latency.png").read_bytes().startswith(b"\x89PNG")
+    assert [r["window"] for r in json.loads((tmp_path / "both.json").read_text())] == [4, 4]
+
+
+def test_plot_without_matplotlib_names_the_extra(tiny, tmp_path, monkeypatch):
+    import sys
+
+    from facecode.bench import benchmark
+    from facecode.bench_report import plot
+    from facecode.errors import MissingExtraError
+
+    report = benchmark(tiny, 0.0, 0.2, None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'facecode\[plots\]'"):
+        plot([report], tmp_path / "latency.png")
 
 
 @pytest.mark.parametrize(

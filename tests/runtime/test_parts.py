@@ -31,7 +31,7 @@ def test_ties_go_to_the_lower_code_in_numpy_and_in_the_graph(tiny):
     assert book.nearest(np.array([[0.5, 0.5], [1, 0], [0, 0]], np.float32)).tolist() == [0, 0, 0]
     features = np.concatenate([rows, [middle]]).astype(np.float32)
     features = np.resize(features, (1, 33, 4, rows.shape[1]))
-    (codes,) = tiny.parts[0].motion_decoder.run(("codes",), features=features, frames=np.array([0]))
+    (codes,) = tiny.parts[0].motion.run(("codes",), features, np.array([0]))
     np.testing.assert_array_equal(codes, tiny.parts[0].codebook.nearest(features))
 
 
@@ -41,8 +41,14 @@ def test_buffer_grows_and_keeps_its_rows():
     for row in rows:
         buffer.append(row)
     np.testing.assert_array_equal(buffer.view(), rows.transpose(1, 0, 2))
-    np.testing.assert_array_equal(buffer.view(last=2), rows[5:].transpose(1, 0, 2))
-    assert buffer.view(last=99).shape == (2, 7, 3)
+
+
+def test_limited_buffer_keeps_the_last_rows():
+    buffer = GrowingBuffer(1, (2,), limit=3)
+    for i in range(20):
+        buffer.append(np.full((1, 2), i))
+        np.testing.assert_array_equal(buffer.view()[0, :, 0], range(max(0, i - 2), i + 1))
+        assert buffer.view().flags.c_contiguous
 
 
 def test_views_of_one_clip_are_contiguous():
@@ -88,7 +94,8 @@ def test_mix_that_does_not_sum_to_one_is_used_and_said():
 def test_window_frames():
     assert window_frames("exact", None) is None
     assert window_frames("window", 5) == 5
-    for mode, window in (("exact", 5), ("window", 0), ("fast", None)):
+    assert window_frames("window", None, 7) == 7
+    for mode, window in (("exact", 5), ("window", 2), ("fast", None)):
         with pytest.raises(ModeError):
             window_frames(mode, window)
 

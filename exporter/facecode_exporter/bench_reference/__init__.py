@@ -1,0 +1,1 @@
+"""The public algorithm in PyTorch timed beside the runtime."""

@@ -1,0 +1,51 @@
+"""The public loop on one clip: from end to end, or one step at a chosen prefix length."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from facecode.arrays import Audio
+from facecode.audio import normalise
+from facecode_exporter.nets.cdface import Trained
+from facecode_exporter.nets.part import PartNet
+
+
+class PublicAlgorithm:
+    """Every part of the face one after the other, its whole prefix again at every step."""
+
+    def __init__(self, net: Trained, speech: Audio) -> None:
+        heard = normalise(speech) if net.system.speech_encoder.normalise else speech
+        self._net, self._audio = net, torch.from_numpy(heard)[None]
+        self._memories = self.encode()
+        rows = net.system.speech_encoder.memory_rows_per_frame
+        self.n_frames = self._memories[0].shape[1] // rows
+
+    @torch.no_grad()
+    def encode(self) -> list[Tensor]:
+        """The cross-attention memory of every part."""
+        heard = self._net.audio_encoder(self._audio)
+        return [part.audio_feature_map(heard) for part in self._net.part_nets]
+
+    @torch.no_grad()
+    def step(self, n_prefix: int) -> None:
+        """One step with `n_prefix` tokens, any tokens: times do not depend on them."""
+        for part, memory in zip(self._net.part_nets, self._memories, strict=True):
+            tokens = torch.zeros(1, n_prefix, part.part.cross_modal_decoder.dim)
+            _step(part, tokens, memory)
+
+    @torch.no_grad()
+    def run(self) -> None:
+        """The whole clip from end to end."""
+        for part, memory in zip(self._net.part_nets, self.encode(), strict=True):
+            style = part.learnable_style_emb.weight[:1, None]
+            tokens = style
+            for _ in range(self.n_frames):
+                tokens = torch.cat([tokens, _step(part, tokens, memory) + style], dim=1)
+
+
+def _step(part: PartNet, tokens: Tensor, memory: Tensor) -> Tensor:
+    """Tokens (1, n, D) to the embedding (1, 1, D) of the motion of the last frame."""
+    _, offsets = part.decode(part.features(tokens, memory))
+    embedded: Tensor = part.vertice_map(offsets[:, -1:])
+    return embedded

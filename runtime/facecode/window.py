@@ -1,0 +1,171 @@
+"""How a part's motion is fed back in `window` mode: the same work at every frame, for any length.
+
+A step decodes the three newest frames, whose convolution still changes, over a past of fixed size:
+
+- the norm's mean and variance of all frames so far, exact;
+- keys and values of up to PAST_SLOTS earlier frames, thinned evenly when there are more, of which
+  the window's other W - 3 frames are decoded again in turn, since they grow stale;
+- one frame `delay` frames back, which is final then: what it shows has heard that much more.
+
+A clip of up to W frames comes out as in `exact`: nothing is thinned, and every frame is decoded
+again at every step. What longer clips deviate by is measured at export; see docs/performance.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facecode.arrays import AnyArray, Float32, Vectors
+from facecode.motion import CONTEXT, NEWEST, MotionDecoder, context_of
+from facecode.past import ThinnedPast
+
+SMALLEST_WINDOW = NEWEST
+DEFAULT_WINDOW = 8
+"""Frames that are decoded at a step where a bundle states no choice."""
+PAST_SLOTS = 128
+LONGEST_PAST = 600
+"""Frames that self-attention looks back, as many as the public code has rows for. The bias of the
+slowest of four heads falls by a factor of e in 7,680 frames, so that no length makes the past
+vanish; this one leaves clips of up to 20 s as they are. 300 loses 6 % of the codes at 30 s."""
+DELAY = 30
+"""Frames after which a frame is shown: half of the deviation of 15, 1.5 x that of 60."""
+
+
+Show: TypeAlias = Callable[[slice, Float32], None]
+"""Takes the hidden frames (rows, m, E) that follow those shown before."""
+
+
+@dataclass(frozen=True)
+class _Decoded:
+    """One call of the motion decoder."""
+
+    feedback: Float32
+    hidden: Float32
+    """(rows, m, E) of the frames that are final"""
+    activations: Float32
+    keys: AnyArray
+    values: AnyArray
+    slots: NDArray[np.int64]
+    """revisited, first among keys and values; the oldest of the newest frames is last"""
+
+
+class WindowMotion:
+    """The state of all rows, and the embedding of the motion of the newest frame."""
+
+    longest_past = LONGEST_PAST
+
+    def __init__(
+        self,
+        decoder: MotionDecoder,
+        n_rows: int,
+        vector_shape: tuple[int, ...],
+        window: int,
+        show: Show,
+    ) -> None:
+        """Begin without a frame; `show` gets the hidden frames of rows as they become final."""
+        self._decoder, self._show = decoder, show
+        self._n_rows = n_rows
+        self._n_revisited = window - NEWEST
+        self._delay = max(DELAY, window)
+        n_slots = max(PAST_SLOTS, window)
+        self._past = ThinnedPast(n_slots)
+        slot_rows = (n_rows, decoder.n_heads, n_slots, decoder.head_dim)
+        layers = range(decoder.n_layers)
+        self._keys = [np.zeros(slot_rows, np.float32) for _ in layers]
+        self._values = [np.zeros(slot_rows, np.float32) for _ in layers]
+        self._kept = np.zeros((n_rows, n_slots, decoder.dim), np.float32)
+        self._waiting = np.zeros((n_rows, self._delay, decoder.dim), np.float32)
+        self._vectors = np.zeros((n_rows, 0, *vector_shape), np.float32)
+        self._n_frames = self._count = 0
+        self._mean = np.zeros((n_rows, decoder.dim))
+        self._squares = np.zeros((n_rows, decoder.dim))
+
+    def append(self, vectors: Vectors) -> None:
+        """Add the code vectors (rows, H, C) of one frame; rows that have ended are left out."""
+        n = len(vectors)
+        reach = self._vectors[:n, -(NEWEST + CONTEXT - 1) :]
+        self._vectors = np.concatenate([reach, vectors[:, None]], axis=1)
+        self._n_frames += 1
+
+    def feed_back(self, n: int) -> Float32:
+        """(n, D) for the first `n` rows, after every frame; the others have ended."""
+        if n < self._n_rows:
+            self._finish(slice(n, self._n_rows))
+            self._n_rows = n
+        newest = self._n_frames - 1
+        due = [newest - self._delay] if newest >= self._delay else []
+        decoded = self._decode(slice(n), due, last=False)
+        self._past.advance(decoded.slots)
+        self._store(decoded.slots, decoded.keys, decoded.values)
+        if decoded.activations.shape[1] == NEWEST:
+            self._retire(newest - NEWEST + 1, decoded)
+        if due:
+            self._show(slice(n), decoded.hidden)
+        return decoded.feedback
+
+    def finish(self) -> None:
+        """Show the last frames of the clips that have not ended before."""
+        self._finish(slice(self._n_rows))
+
+    def _finish(self, rows: slice) -> None:
+        newest = self._n_frames - 1
+        due = range(max(0, newest - self._delay), max(0, newest - NEWEST + 1))
+        self._show(rows, self._decode(rows, list(due), last=True).hidden)
+
+    def _decode(self, rows: slice, due: list[int], last: bool) -> _Decoded:
+        start = max(0, self._vectors.shape[1] - NEWEST)
+        vectors = self._vectors[rows]
+        new = vectors[:, start:]
+        slots = self._past.oldest_first(self._n_revisited)
+        waiting = self._waiting[rows][:, [f % self._delay for f in due]]
+        revisited = np.concatenate([self._kept[rows][:, slots], waiting], axis=1)
+        n_revisited = revisited.shape[1]
+        final = np.arange(len(slots), n_revisited + (new.shape[1] if last else 0))
+        newest = n_revisited + new.shape[1] - 1
+        log_weights = self._past.log_weights()
+        own = np.concatenate([log_weights[slots], np.full(len(due), -np.inf, np.float32)])
+        log_weights[slots] = -np.inf
+        feedback, hidden, activations, keys, values = self._decoder.run(
+            ("feedback", "hidden", "activations", "keys", "values"),
+            new,
+            final if last else np.append(final, newest),
+            context=context_of(vectors, start),
+            revisited=revisited,
+            count=np.array(self._count, np.float32),
+            mean=self._mean[rows].astype(np.float32),
+            squares=self._squares[rows].astype(np.float32),
+            past_log_weights=log_weights,
+            revisited_log_weights=own,
+            **self._decoder.past_inputs(
+                [keys[rows] for keys in self._keys], [values[rows] for values in self._values]
+            ),
+        )
+        shown = hidden[:, : len(final)]
+        return _Decoded(feedback, shown, activations, keys, values, slots)
+
+    def _store(self, slots: NDArray[np.int64], keys: AnyArray, values: AnyArray) -> None:
+        """Fresh keys and values (layers, rows, heads, n, width) into their slots."""
+        n_rows, n = keys.shape[1], len(slots)
+        for stored, fresh in ((self._keys, keys), (self._values, values)):
+            for layer, rows in zip(stored, fresh, strict=True):
+                layer[:n_rows, :, slots] = rows[:, :, :n]
+
+    def _retire(self, frame: int, decoded: _Decoded) -> None:
+        """Take a frame whose convolution is final into the sums (Welford 1962) and the past."""
+        activation = decoded.activations[:, 0]
+        n = len(activation)
+        self._count += 1
+        apart = activation - self._mean[:n]
+        self._mean[:n] += apart / self._count
+        self._squares[:n] += apart * (activation - self._mean[:n])
+        self._waiting[:n, frame % self._delay] = activation
+        slot = self._past.slot_for(frame)
+        if slot is not None:
+            self._kept[:n, slot] = activation
+            keys, values = decoded.keys[:, :, :, -1:], decoded.values[:, :, :, -1:]
+            self._store(np.array([slot]), keys, values)
