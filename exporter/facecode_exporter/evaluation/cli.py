@@ -34,7 +34,7 @@ T = TypeVar("T")
 
 
 def add_parser(commands: Commands) -> None:
-    """The sub-command `evaluate` with its three kinds, each with `run` set."""
+    """The sub-command `evaluate` with its kinds, each with `run` set."""
     evaluate = commands.add_parser("evaluate", help="score motion against truth, or lip sync")
     kinds = evaluate.add_subparsers(dest="kind", required=True)
 
@@ -64,6 +64,15 @@ def add_parser(commands: Commands) -> None:
     )
     speech.add_argument("--plots", type=Path, metavar="DIR", help="a picture of each clip")
 
+    diversity = kinds.add_parser("diversity", help="how different several faces of a voice are")
+    diversity.set_defaults(run=run_diversity)
+    diversity.add_argument("bundle", type=Path, metavar="DIR")
+    _add_data(diversity)
+    diversity.add_argument("--samples", type=_count, default=5, metavar="K", help="default: 5")
+    diversity.add_argument("--hold", metavar="PART", help="keep its first sample, vary the rest")
+    diversity.add_argument("--plots", type=Path, metavar="DIR", help="lip distances of the samples")
+    diversity.add_argument("--threads", type=_count, metavar="N", help="default: all cores")
+
     mix = kinds.add_parser("mix", help="how wide the mouth opens between two styles")
     mix.set_defaults(run=run_mix)
     mix.add_argument("--styles", required=True, metavar="A,B", help="two names")
@@ -73,7 +82,7 @@ def add_parser(commands: Commands) -> None:
     mix.add_argument("--plot", type=Path, metavar="PNG", help="the curves")
     mix.add_argument("--threads", type=_count, metavar="N", help="default: all cores")
 
-    for kind in (predictions, bundle, speech, mix):
+    for kind in (predictions, bundle, speech, diversity, mix):
         kind.add_argument("--json", metavar="FILE", help="write the numbers to FILE, or -")
         kind.add_argument("--debug", action="store_true", help="show the traceback of errors")
         kind.add_argument("--quiet", action="store_true", help="no progress")
@@ -159,6 +168,33 @@ def run_speech(args: argparse.Namespace) -> None:
         **report.speech_plain(clips),
     }
     _deliver(plain, report.speech_table(clips, animator.manifest.unit), args.json)
+
+
+def run_diversity(args: argparse.Namespace) -> None:
+    """`facecode-export evaluate diversity`: APD, UPD, LPD, MPD and ALVE."""
+    from facecode_exporter.evaluation import distances, diversity, report
+    from facecode_exporter.evaluation.corpus_data import open_data_set
+    from facecode_exporter.evaluation.regions import read_regions
+    from facecode_exporter.evaluation.speech import require_lip_pair
+
+    _check_json(args.json)
+    _check_plots(args.plots)
+    animator = facecode.load(args.bundle, threads=args.threads)
+    regions = read_regions(args.lips, args.upper_face, animator.bundle)
+    data = open_data_set(args.data, args.dataset, args.split)
+    takes = distances.takes_of(data, animator, None)
+    bar = _bar("animate", args.quiet)
+    scored = list(
+        diversity.score_faces(animator, takes, data, regions, args.samples, args.hold, bar)
+    )
+    if args.plots is not None:
+        take = takes[0]
+        faces = diversity.faces_of(animator, data.speech(take.clip), take.style, args.samples)
+        pair = require_lip_pair(animator, None)
+        diversity.plot_lip_distances(faces, pair, args.plots / f"{take.clip}_lip_distances.png")
+    about = {"bundle": animator.manifest.name, "samples": args.samples, "hold": args.hold}
+    plain = {**about, **_about(args, data), **report.diversity_plain(scored)}
+    _deliver(plain, report.diversity_table(scored, animator.manifest.unit), args.json)
 
 
 def run_mix(args: argparse.Namespace) -> None:

@@ -12,7 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from facecode.animator import Animator
-from facecode_exporter.evaluation.distances import ScoredClip
+from facecode_exporter.evaluation.distances import ScoredClip, Take
+from facecode_exporter.evaluation.diversity import DiversityScore, mean_score
 from facecode_exporter.evaluation.lip_sync import Share, Verdict
 from facecode_exporter.evaluation.metrics import pooled
 from facecode_exporter.evaluation.signals import LONGEST_LAG, best_lag
@@ -54,6 +55,25 @@ def distances_plain(clips: Sequence[ScoredClip]) -> Plain:
             }
             for c in clips
         ],
+    }
+
+
+def diversity_table(clips: Sequence[tuple[Take, DiversityScore]], unit: str) -> str:
+    """Means over clips, a line a measure."""
+    unit = unit if unit.isalpha() else "unit"
+    units = {"alve": f"{unit}^2", "best_lve": f"{unit}^2"}
+    mean = asdict(mean_score(score for _, score in clips))
+    rows = [("", f"mean of {len(clips)} clips")]
+    return table(
+        rows + [(f"{n.upper()} ({units.get(n, unit)})", f"{v:.4g}") for n, v in mean.items()]
+    )
+
+
+def diversity_plain(clips: Sequence[tuple[Take, DiversityScore]]) -> Plain:
+    """Means over clips, and clip by clip."""
+    return {
+        "mean": asdict(mean_score(score for _, score in clips)),
+        "clips": [{"clip": t.clip, "style": t.style, **asdict(score)} for t, score in clips],
     }
 
 

@@ -6,8 +6,7 @@ import json
 import numpy as np
 import pytest
 import torch
-from conftest import SPEECH
-from test_training import make_folder
+from conftest import SPEECH, make_folder
 
 import facecode
 from facecode_exporter.cli import main

@@ -2,14 +2,12 @@
 
 import csv
 import json
-import pickle
 
 import numpy as np
 import pytest
-import soundfile
 import torch
 import yaml
-from conftest import DATA, SPEECH
+from conftest import DATA, FORMS, SPEECH, make_folder
 
 import facecode
 from facecode_exporter.cli import main
@@ -19,31 +17,6 @@ from facecode_exporter.evaluation.data_set import LAYOUTS
 from facecode_exporter.training import run
 from facecode_exporter.training.data import FolderClips, batches
 from facecode_exporter.training.losses import straight_through
-
-FORMS = {"vocaset": (2, "sentence{:02d}"), "biwi": (1, "e{:02d}")}
-
-
-def make_folder(root, form, n_vertices):
-    """A data set of a few short clips, at the rate and under the names of the real one."""
-    rng = np.random.default_rng(0)
-    layout, (keep_every, sentence) = LAYOUTS[form], FORMS[form]
-    for folder in ("vertices_npy", "wav"):
-        (root / folder).mkdir(parents=True)
-    samples, rate = soundfile.read(SPEECH, dtype="float32")
-    subjects = set(layout.seen[:2]) | set(layout.splits["validation"].subjects)
-    templates = {s: rng.standard_normal((n_vertices, 3)) for s in subjects}
-    (root / "templates.pkl").write_bytes(pickle.dumps(templates, protocol=2))
-    fps = 30 if form == "vocaset" else 25
-    for subject in sorted(subjects):
-        for number in (1, 21, 33):
-            n_frames = 20 + number % 3
-            time = np.arange(n_frames * keep_every)[:, None] / fps / keep_every
-            motion = np.sin(8 * time + np.arange(3 * n_vertices)) / 5
-            name = f"{subject}_{sentence.format(number)}"
-            np.save(root / "vertices_npy" / f"{name}.npy", motion + templates[subject].ravel())
-            n_samples = int((n_frames + 2) * rate / fps)
-            soundfile.write(root / "wav" / f"{name}.wav", samples[:n_samples], rate)
-    return root
 
 
 @pytest.fixture(scope="module", params=FORMS)

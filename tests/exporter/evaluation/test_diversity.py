@@ -1,0 +1,96 @@
+"""APD, UPD, LPD, MPD and ALVE on faces whose distances are known, and from the command line."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from conftest import make_folder
+
+from facecode.animator import Animator
+from facecode.bundle import Bundle
+from facecode_exporter.bundle_writer import read_neutral, write_bundle
+from facecode_exporter.cli import main
+from facecode_exporter.errors import EvaluationError
+from facecode_exporter.evaluation.diversity import diversity_score, faces_of, mean_score
+from facecode_exporter.evaluation.metrics import lip_vertex_error
+from facecode_exporter.evaluation.regions import Regions
+from facecode_exporter.random_weights import random_network
+from facecode_spec.systems import SYSTEMS
+
+TINY = SYSTEMS["cdface-tiny"]
+REGIONS = Regions(np.array([0, 1], np.int32), np.array([2], np.int32))
+
+
+def test_known_distances():
+    truth = np.zeros((4, 3, 3))
+    faces = np.zeros((3, 4, 3, 3))
+    faces[1, :, 0, 0] = 3  # lips: 3 in each of 4 frames
+    faces[2, :, 2, 1] = 4  # upper face
+    score = diversity_score(faces, truth, REGIONS)
+    assert score.lpd == pytest.approx((6 + 0 + 6) / 3)
+    assert score.upd == pytest.approx((0 + 8 + 8) / 3)
+    assert score.apd == pytest.approx((6 + 8 + 10) / 3)
+    assert score.mpd == pytest.approx(6)
+    assert score.alve == pytest.approx((0 + 9 + 0) / 3)
+    assert score.best_lve == 0
+    assert mean_score([score, score]) == score
+    same = diversity_score(faces[[1, 1]], truth, REGIONS)
+    assert (same.apd, same.mpd) == (0, 0)
+    with pytest.raises(EvaluationError, match="two or more"):
+        diversity_score(faces[:1], truth, REGIONS)
+    longer = np.concatenate([faces, faces[:, -1:]], axis=1)
+    assert diversity_score(longer, truth, REGIONS) == score
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory):
+    system = dataclasses.replace(
+        TINY, parts=tuple(dataclasses.replace(p, n_samples=3) for p in TINY.parts)
+    )
+    own = np.arange(42, dtype=np.int32)
+    regions = {"lips": own[:9], "upper_face": own[20:30]}
+    neutral = dataclasses.replace(
+        read_neutral(None, 42),
+        given=True,
+        parts={"lips": own[:17], "upper_face": own[17:]},
+        regions=regions,
+        lip_pair=(1, 3),
+    )
+    out = tmp_path_factory.mktemp("diverse") / "bundle"
+    write_bundle(random_network(system, seed=2), out, neutral, sources={})
+    return out
+
+
+def test_face_k_has_sample_k_of_every_part(bundle, speech):
+    animator = Animator(Bundle.open(bundle))
+    audio = speech[0][:9000]
+    faces = faces_of(animator, audio, None, 3)
+    every = animator.animate(audio, samples={"lips": 3, "upper_face": 3})
+    for k, face in enumerate(faces):
+        np.testing.assert_array_equal(face.codes, every[4 * k].codes)
+    held = faces_of(animator, audio, None, 3, {"lips": faces[0]})
+    assert len(held) == 3
+    assert all(np.array_equal(f.codes_of("lips"), faces[0].codes_of("lips")) for f in held)
+
+
+@pytest.mark.parametrize("hold", [None, "lips"])
+def test_from_the_command_line(bundle, tmp_path, hold):
+    data = make_folder(tmp_path / "data", "vocaset", 42)
+    args = ["evaluate", "diversity", str(bundle), "--data", str(data), "--dataset", "vocaset"]
+    args += ["--split", "validation", "--samples", "3", "--json", str(tmp_path / "n.json")]
+    args += ["--hold", hold] if hold else ["--plots", str(tmp_path)]
+    assert main([*args, "--quiet"]) == 0
+    mean = json.loads((tmp_path / "n.json").read_text())["mean"]
+    assert mean["upd"] > 0
+    assert (mean["lpd"] == 0) == (hold == "lips")
+    assert mean["alve"] >= mean["best_lve"] > 0
+    assert hold or list(tmp_path.glob("*_lip_distances.png"))
+
+
+def test_score_is_that_of_evaluate_bundle():
+    rng = np.random.default_rng(0)
+    faces, truth = rng.random((2, 5, 3, 3)), rng.random((5, 3, 3))
+    want = [lip_vertex_error(f, truth, REGIONS.lips) for f in faces]
+    score = diversity_score(faces, truth, REGIONS)
+    assert (score.alve, score.best_lve) == (np.mean(want), min(want))
