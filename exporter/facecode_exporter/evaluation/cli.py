@@ -111,9 +111,10 @@ def run_bundle(args: argparse.Namespace) -> None:
     from facecode_exporter.evaluation.corpus_data import open_data_set
     from facecode_exporter.evaluation.regions import read_regions
 
-    window = window_frames(args.mode, args.window)
+    window_frames(args.mode, args.window)  # before anything is loaded
     _check_json(args.json)
     animator = facecode.load(args.bundle, threads=args.threads)
+    window = animator.window_frames(args.mode, args.window)
     regions = read_regions(args.lips, args.upper_face, animator.bundle)
     data = open_data_set(args.data, args.dataset, args.split)
     styles = None if args.styles is None else _styles(args.styles, animator)
@@ -136,10 +137,11 @@ def run_speech(args: argparse.Namespace) -> None:
     from facecode_exporter.evaluation.recordings import load_aligner, read_recordings
     from facecode_exporter.evaluation.speech import judge_speech, require_lip_pair
 
-    window = window_frames(args.mode, args.window)
+    window_frames(args.mode, args.window)  # before anything is loaded
     _check_json(args.json)
     _check_plots(args.plots)
     animator = facecode.load(args.bundle, threads=args.threads)
+    window = animator.window_frames(args.mode, args.window)
     pair = require_lip_pair(animator, args.lip_pair)
     styles = _styles(args.styles or animator.styles[0], animator)
     reference = _reference(args.reference, animator, pair)
