@@ -124,8 +124,14 @@ def run_verify(args: argparse.Namespace) -> None:
     from facecode_exporter import parity
     from facecode_exporter.bundle_writer import graphs_of, parity_cases, views_of
     from facecode_exporter.checkpoints import load_system
+    from facecode_exporter.errors import ConfigError
 
     animator = Animator(Bundle.open(args.bundle))
+    if animator.manifest.precision != "fp32":
+        raise ConfigError(
+            f"{args.bundle} is {animator.manifest.precision}; verify compares float32 bundles. Its "
+            "manifest states, as 'quantisation', how far it is from float32"
+        )
     system = animator.manifest.system if not (args.system or args.config) else _system(args)
     net = load_system(system, args.stage1, args.stage2)
     if args.audio is None:

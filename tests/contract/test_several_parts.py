@@ -136,3 +136,22 @@ def test_the_second_part_sees_the_past_of_the_first(exported):
         )
     changed = (one != two).flatten(2).any(dim=-1)[0]
     assert changed.tolist() == [False, True, True, True]
+
+
+@pytest.mark.parametrize("frames", [3, 20])
+def test_window_of_the_whole_clip_is_exact(exported, speech, frames):
+    """Samples, conditions and a held part, in `window` mode."""
+    net, animator, _ = exported
+    memory = animator.encode(audio_of(speech, net, frames))
+    weights = np.array([[0.5, 0.75, -0.25]], np.float32)
+    first = net.system.parts[0]
+    counts = {p.name: min(2, p.n_samples) for p in net.system.parts}
+    codes = np.zeros((memory.n_frames, first.codebook.codes_per_frame), np.int64)
+    rest = {name: n for name, n in counts.items() if name != first.name}
+    for samples, hold in ((counts, {}), (rest, {first.name: codes})):
+        exact, window = (
+            animator.move([memory], weights, Request(w, samples, hold))[0]
+            for w in (None, max(3, memory.n_frames))
+        )
+        np.testing.assert_array_equal(window[0], exact[0])
+        np.testing.assert_allclose(window[1], exact[1], atol=1e-5)

@@ -38,6 +38,8 @@ def test_int8_bundle(checkpoints, tmp_path, monkeypatch, capsys):
         kinds = [node.op_type for node in graph.node]
         assert "MatMulInteger" in kinds
         assert "ConvInteger" not in kinds
+    assert main(["verify", str(tmp_path / "b"), *checkpoints]) == 2
+    assert "verify compares float32 bundles" in capsys.readouterr().err
     clip = facecode.load(tmp_path / "b", threads=1).animate(
         np.random.default_rng(0).standard_normal(16000).astype(np.float32) / 10
     )
