@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from facecode.arrays import Indices
+from facecode.arrays import AnyArray, Faces, Float32, Indices, Offsets, Template
 from facecode_exporter.demo.face_units import FACE_UNITS
 from facecode_exporter.demo.head import Head
 
@@ -30,3 +30,19 @@ def part_vertices(head: Head) -> dict[str, Indices]:
         LIPS: np.flatnonzero(lips).astype(np.int32),
         UPPER_FACE: np.flatnonzero(~lips).astype(np.int32),
     }
+
+
+def seam_edges(faces: Faces, lips: Indices) -> NDArray[np.int64]:
+    """Edges (n, 2) of the mesh with one end among `lips` and the other outside."""
+    edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    inside = np.isin(edges, lips)
+    return np.asarray(edges[inside[:, 0] != inside[:, 1]], dtype=np.int64)
+
+
+def stretch(vertices: Offsets, template: Template, edges: NDArray[np.int64]) -> Float32:
+    """How much each edge is longer than at rest, (T, n), in the unit of `vertices` (T, V, 3)."""
+
+    def lengths(points: AnyArray) -> AnyArray:
+        return np.linalg.norm(points[..., edges[:, 0], :] - points[..., edges[:, 1], :], axis=-1)
+
+    return np.asarray(lengths(vertices) - lengths(template), dtype=np.float32)
