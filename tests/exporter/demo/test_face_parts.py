@@ -44,4 +44,3 @@ def test_a_jump_across_the_border_shows_as_stretch(head, parts):
     jump = stretch(vertices, head.template, edges)
     assert abs(jump[1]).max() > 1e-3
     assert abs(jump[0]).max() == 0
-
