@@ -43,6 +43,7 @@ def stretch(vertices: Offsets, template: Template, edges: NDArray[np.int64]) -> 
     """How much each edge is longer than at rest, (T, n), in the unit of `vertices` (T, V, 3)."""
 
     def lengths(points: AnyArray) -> AnyArray:
-        return np.linalg.norm(points[..., edges[:, 0], :] - points[..., edges[:, 1], :], axis=-1)
+        apart = points[..., edges[:, 0], :] - points[..., edges[:, 1], :]
+        return np.asarray(np.linalg.norm(apart, axis=-1))
 
     return np.asarray(lengths(vertices) - lengths(template), dtype=np.float32)
