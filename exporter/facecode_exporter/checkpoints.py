@@ -68,10 +68,7 @@ def load_system(system: SystemSpec, stage1: Sequence[Path], stage2: Sequence[Pat
         _require_same(encoder, heard, second_file)
         encoder = encoder or heard
         problems += _fill_part(part, first, second, first_file, second_file)
-        if problems:
-            break
-    if not problems:
-        problems += _fill(net.audio_encoder, encoder, f"stage 2, {stage2[0]}", prefix=AUDIO)
+    problems += _fill(net.audio_encoder, encoder, f"stage 2, {stage2[0]}", prefix=AUDIO)
     if problems:
         raise CheckpointError(
             f"the checkpoints do not fit {system.name}, {_listed(problems)}"

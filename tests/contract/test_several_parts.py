@@ -9,6 +9,7 @@ import torch
 from facecode.animator import Animator, Request
 from facecode.bundle import Bundle
 from facecode_exporter import bundle_writer, parity
+from facecode_exporter.cli import main
 from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.random_weights import random_network
 from facecode_spec.systems import SYSTEMS
@@ -155,3 +156,25 @@ def test_window_of_the_whole_clip_is_exact(exported, speech, frames):
         )
         np.testing.assert_array_equal(window[0], exact[0])
         np.testing.assert_allclose(window[1], exact[1], atol=1e-5)
+
+
+def test_init_export_verify(tmp_path, capsys):
+    """From the command line: a pair of files a part, and the lips' vertices beside them."""
+    files = tmp_path / "checkpoints"
+    assert main(["init", "--system", "cdface-tiny", "--out", str(files)]) == 0
+    pairs = [
+        x
+        for stage in ("stage1", "stage2")
+        for x in (f"--{stage}", *(str(files / f"{stage}_{p.name}.pth.tar") for p in TINY.parts))
+    ]
+    out = str(tmp_path / "bundle")
+    export = ["export", "--system", "cdface-tiny", *pairs, "--out", out, "--quiet"]
+    assert main(export) == 2
+    assert "give --lips FILE" in capsys.readouterr().err
+    assert main([*export, "--lips", str(files / "lips.txt")]) == 0
+    sources = Bundle.open(out).manifest.sources
+    assert set(sources) == {"stage1_lips", "stage1_upper_face", "stage2_lips", "stage2_upper_face"}
+    assert main(["verify", out, *pairs, "--quiet"]) == 0
+    assert "84 of 84 codes equal" in capsys.readouterr().out
+    assert main(["verify", out, *pairs[:2], *pairs[3:], "--quiet"]) == 2
+    assert "one of each for: lips, upper_face" in capsys.readouterr().err
