@@ -17,7 +17,6 @@ from torch import Tensor, nn
 from facecode.animator import Animator, Request
 from facecode.arrays import AnyArray, Audio, Codes, Float32
 from facecode.audio import normalise
-from facecode.loop import Counts
 from facecode.session import Graph
 from facecode_exporter.errors import ParityError
 from facecode_exporter.nets.cdface import Trained, predict_parts
@@ -45,7 +44,7 @@ class Case:
 
     audio: Audio
     weights: Float32
-    samples: Counts = field(default_factory=dict)
+    samples: Mapping[str, int] = field(default_factory=dict)
     """of each part, for each sample of the part before; 1 where none are named"""
     hold: Mapping[str, Codes] = field(default_factory=dict)
     """codes (T, H) of parts that are kept"""

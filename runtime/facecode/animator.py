@@ -23,7 +23,7 @@ from facecode.errors import ModeError
 from facecode.loop import GeneratedPart, HeldPart, MotionState, PartLoop, run_loop
 from facecode.motion import PrefixMotion
 from facecode.part import HEAD_CHUNK, Part
-from facecode.samples import Samples, check_codes, head_numbers, sample_counts
+from facecode.samples import Samples, check_codes, sample_heads
 from facecode.session import Graph, default_threads
 from facecode.shown import ShownFrames
 from facecode.speech import Memory, SpeechEncoder
@@ -133,9 +133,9 @@ class Animator:
             template: another neutral face of the same topology: the name of one of the bundle's
                 identities, or .npy, .ply, .obj or (V, 3).
             sample_rate: of an audio array; the bundle's rate by default.
-            samples: how many faces, for the first part that has several, or by part name; each
-                sample of a part is combined with each of the part before. The same number gives
-                the same faces, and fewer give the first of them.
+            samples: how many faces, each a sample of every part; or how many samples by part
+                name, each combined with each of the part before. The same number gives the same
+                faces, and fewer give the first of them.
             hold: parts to keep as they are: codes (T, H), or a clip, by part name.
             progress: show a bar on stderr.
 
@@ -144,7 +144,7 @@ class Animator:
             CodesError, GraphError.
         """
         request = Request(self.window_frames(mode, window), samples, hold or {}, progress)
-        sample_counts(samples, self.parts)
+        sample_heads(samples, self.parts, request.hold)
         weights = style_weights(style, self.styles)
         neutral = self.neutral(template)
         waveform = load_audio(audio, self.manifest.sample_rate, sample_rate)
@@ -214,9 +214,8 @@ class Animator:
             SampleError, CodesError.
         """
         lengths = [memory.n_frames for memory in memories]
-        counts = sample_counts(request.samples, self.parts)
+        heads = sample_heads(request.samples, self.parts, request.hold)
         held = {name: self._held(name, clip, lengths) for name, clip in request.hold.items()}
-        heads = head_numbers({name: 1 if name in held else n for name, n in counts.items()})
         loops: list[PartLoop] = [
             HeldPart(held[part.name])
             if part.name in held

@@ -33,7 +33,10 @@ from facecode_spec.manifest import (
 )
 from facecode_spec.schema import SpecError
 
-PACKAGED_BUNDLE = Path(__file__).parent / "assets" / "demo"
+_ASSETS = Path(__file__).parent / "assets"
+PACKAGED_BUNDLE = _ASSETS / "demo"
+PACKAGED = {"demo": PACKAGED_BUNDLE, "diverse": _ASSETS / "diverse"}
+"""Bundles that come with facecode, by the names that stand for them."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +53,16 @@ class Bundle:
     def open(cls, path: str | os.PathLike[str]) -> Bundle:
         """Read the manifest at `path` and verify every file that it lists.
 
+        Args:
+            path: a folder, or the name of a packaged bundle where no folder has that name.
+
         Raises:
             BundleNotFoundError, ManifestError, NewerBundleError, UnsafePathError,
             MissingFileError, AlteredFileError, ExternalDataError.
         """
         root = Path(path)
+        if not root.exists():
+            root = PACKAGED.get(os.fspath(path), root)
         manifest = read_manifest(root)
         for name, entry in manifest.files.items():
             file = safe_path(root, name)

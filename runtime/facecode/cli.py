@@ -25,6 +25,7 @@ from facecode.writers.atomic import check_folder, writing
 
 PROGRAM = "facecode"
 STANDARD_STREAM = "-"
+DEMO_FACES = 5
 
 
 def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
@@ -72,6 +73,9 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
 
     demo = commands.add_parser("demo", help="animate the packaged recording, to look at")
     demo.set_defaults(run=run_demo)
+    demo.add_argument(
+        "--diverse", action="store_true", help=f"{DEMO_FACES} faces for the one voice, side by side"
+    )
     demo.add_argument("--style", help="a name, or a mix such as a:0.3,b:0.7")
     demo.add_argument("--template", metavar="MESH", help="an identity of the packaged bundle")
     demo.add_argument("--out", type=Path, metavar="DIR", default=Path(), help="default: here")
@@ -162,10 +166,12 @@ def run_demo(args: argparse.Namespace) -> None:
     outputs = [args.out / "demo.npz", args.out / "demo.mp4"]
     for output in outputs:
         writers.check_output(output)
-    clip = facecode.load(threads=args.threads).animate(
+    face = facecode.load("diverse" if args.diverse else None, threads=args.threads)
+    clip = face.animate(
         SPEECH,
         None if args.style is None else parse_style(args.style),
         template=args.template,
+        samples=DEMO_FACES if args.diverse else None,
         progress=not args.quiet,
     )
     for output in outputs:

@@ -8,7 +8,7 @@ falling length, so that those that have ended are cut off the end.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from facecode.buffers import KeyValueCache
 from facecode.part import Part
 from facecode.speech import Memory, frames_of
 from facecode_spec.graphs import condition
-
-Counts: TypeAlias = Mapping[str, int]
-"""Samples by part name."""
 
 
 class PartLoop(Protocol):

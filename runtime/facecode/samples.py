@@ -2,52 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
 
 from facecode.arrays import AnyArray, Codes
 from facecode.errors import CodesError, SampleError
-from facecode.loop import Counts
 from facecode.part import Part
 
-Samples: TypeAlias = int | Counts
-"""A number, for the first part that has several; or numbers by part name."""
+Samples: TypeAlias = "int | Mapping[str, int]"
+"""How many faces, or how many samples by part name."""
 
 
-def sample_counts(samples: Samples | None, parts: Sequence[Part]) -> dict[str, int]:
-    """Samples to generate of each part, in the order of `parts`; 1 where none are asked for.
+def sample_heads(
+    samples: Samples | None, parts: Sequence[Part], held: Collection[str] = ()
+) -> dict[str, AnyArray]:
+    """For each part that is not held the head that answers for each row of a clip, (rows,) int64.
+
+    K faces are K samples of the first part that gives several, each continued by the sample of the
+    same number of every later part. Numbers by part combine each sample of a part with each of
+    the part before. None is the first sample of every part.
 
     Raises:
-        SampleError: an unknown part, fewer than one, or more than the part has heads.
+        SampleError: a part that is unknown or held, fewer than one, or more than it has heads.
     """
-    several = {p.name: p.n_samples for p in parts if p.n_samples > 1}
+    free = [part for part in parts if part.name not in held]
+    if isinstance(samples, Mapping):
+        return _combined(samples, free)
+    heads = {part.name: np.zeros(1, np.int64) for part in free}
     if samples is None:
-        asked: Counts = {}
-    elif isinstance(samples, Mapping):
-        asked = samples
-    else:
-        asked = {next(iter(several), parts[0].name): samples}
-    heads = {p.name: p.n_samples for p in parts}
-    for name, n in asked.items():
-        if name not in heads:
-            raise SampleError(f"got samples of {name!r}; the parts are {', '.join(heads)}")
-        if not 1 <= n <= heads[name]:
-            can = ", ".join(f"{part} {k}" for part, k in several.items()) or "one face a voice"
-            raise SampleError(
-                f"got {n} samples of {name}; expected 1 to {heads[name]} (this bundle gives: {can})"
-            )
-    return {name: asked.get(name, 1) for name in heads}
+        return heads
+    names = [part.name for part in free]
+    first = next((i for i, part in enumerate(free) if part.n_samples > 1), 0)
+    _check_count(samples, free, names[first] if names else "")
+    for part in free[first:]:
+        heads[part.name] = np.arange(samples) % part.n_samples
+    return heads
 
 
-def head_numbers(counts: Counts) -> dict[str, AnyArray]:
-    """For each part the head that answers for each row of a clip: (product so far,) int64."""
-    numbers, rows = {}, 1
+def _combined(counts: Mapping[str, int], free: Sequence[Part]) -> dict[str, AnyArray]:
+    heads, rows = {}, 1
     for name, n in counts.items():
-        numbers[name] = np.tile(np.arange(n), rows)
+        _check_count(n, free, name)
+    for part in free:
+        n = counts.get(part.name, 1)
+        heads[part.name] = np.tile(np.arange(n), rows)
         rows *= n
-    return numbers
+    return heads
+
+
+def _check_count(n: int, free: Sequence[Part], name: str) -> None:
+    can = {part.name: part.n_samples for part in free}
+    if name not in can:
+        raise SampleError(
+            f"got samples of {name or 'nothing'}; the parts that can vary are "
+            f"{', '.join(can) or 'none'}"
+        )
+    if not 1 <= n <= can[name]:
+        gives = ", ".join(f"{part} {k}" for part, k in can.items())
+        raise SampleError(
+            f"got {n} samples of {name}; expected 1 to {can[name]} (this bundle gives: {gives})"
+        )
 
 
 def check_codes(codes: AnyArray, part: Part, n_frames: int | None = None) -> Codes:

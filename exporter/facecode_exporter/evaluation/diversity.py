@@ -15,11 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from facecode.animation import Animation
-from facecode.animator import Animator, Held
+from facecode.animator import Animator
 from facecode.arrays import AnyArray
-from facecode.audio import AudioSource
-from facecode.styles import Style
-from facecode.template import TemplateSource
 from facecode_exporter.errors import EvaluationError
 from facecode_exporter.evaluation.data_set import DataSet
 from facecode_exporter.evaluation.distances import Progress, Take
@@ -92,27 +89,6 @@ def mean_score(scores: Iterable[DiversityScore]) -> DiversityScore:
     return DiversityScore(**{name: float(np.mean([r[name] for r in rows])) for name in rows[0]})
 
 
-def faces_of(
-    animator: Animator,
-    audio: AudioSource,
-    style: Style | None,
-    n_faces: int,
-    hold: Held | None = None,
-    template: TemplateSource | None = None,
-) -> list[Animation]:
-    """Face k made of sample k of every part; parts with one sample, or held, give it to all.
-
-    Raises:
-        SampleError: a part with several samples has fewer than `n_faces`.
-    """
-    several = [p.name for p in animator.parts if p.n_samples > 1 and p.name not in (hold or {})]
-    takes = animator.animate(
-        audio, style, samples=dict.fromkeys(several, n_faces), hold=hold, template=template
-    )
-    step = sum(n_faces**i for i in range(len(several)))
-    return list(takes)[:: max(step, 1)]
-
-
 def score_faces(
     animator: Animator,
     takes: Sequence[Take],
@@ -139,7 +115,7 @@ def score_faces(
     for take in progress(takes):
         speech, template = data.speech(take.clip), data.template(take.clip)
         held = {hold: animator.animate(speech, take.style)} if hold is not None else None
-        faces = faces_of(animator, speech, take.style, n_faces, held, template)
+        faces = animator.animate(speech, take.style, samples=n_faces, hold=held, template=template)
         vertices = np.stack([face.vertices for face in faces])
         yield take, diversity_score(vertices, data.truth(take.clip), regions)
 

@@ -12,7 +12,7 @@ from facecode.bundle import Bundle
 from facecode_exporter.bundle_writer import read_neutral, write_bundle
 from facecode_exporter.cli import main
 from facecode_exporter.errors import EvaluationError
-from facecode_exporter.evaluation.diversity import diversity_score, faces_of, mean_score
+from facecode_exporter.evaluation.diversity import diversity_score, mean_score
 from facecode_exporter.evaluation.metrics import lip_vertex_error
 from facecode_exporter.evaluation.regions import Regions
 from facecode_exporter.random_weights import random_network
@@ -65,11 +65,11 @@ def bundle(tmp_path_factory):
 def test_face_k_has_sample_k_of_every_part(bundle, speech):
     animator = Animator(Bundle.open(bundle))
     audio = speech[0][:9000]
-    faces = faces_of(animator, audio, None, 3)
+    faces = animator.animate(audio, samples=3)
     every = animator.animate(audio, samples={"lips": 3, "upper_face": 3})
     for k, face in enumerate(faces):
         np.testing.assert_array_equal(face.codes, every[4 * k].codes)
-    held = faces_of(animator, audio, None, 3, {"lips": faces[0]})
+    held = animator.animate(audio, samples=3, hold={"lips": faces[0]})
     assert len(held) == 3
     assert all(np.array_equal(f.codes_of("lips"), faces[0].codes_of("lips")) for f in held)
 
