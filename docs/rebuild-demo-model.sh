@@ -1,8 +1,8 @@
 #!/bin/sh
-# Makes the packaged model anew, from packages to the bundle in runtime/facecode/assets/demo.
-# Run it at the root of a checkout. Needs Debian's flite for four of the voices. Its steps were run one
-# by one, not yet as this script from nothing; on two busy cores the corpus took 4 min, stage 1
-# 20 min and stage 2 14 min, with 1.3 GB of memory. Interrupted, it goes on.
+# Makes a model for runtime/facecode/assets/demo, from packages to the bundle. The packaged weights come
+# from an earlier form of the corpus (see its MODEL_CARD.md); the steps of today were each run from
+# nothing. Run it at the root of a checkout. Needs Debian's flite for four of the voices. Takes half an
+# hour on two idle cores, and 1.5 GB of memory. Interrupted, it goes on.
 set -eu
 work=${1:-demo-build}
 mkdir -p "$work"
