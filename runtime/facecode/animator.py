@@ -1,7 +1,7 @@
 """The recipe: audio -> memory -> codes -> motion. Arithmetic lives in the graphs and helpers.
 
-Equivalence: `exact` decodes the whole prefix at every step and gives the trained system's codes, for
-audio that the speech encoder hears in one pass (see `speech.py`).
+Equivalence: `exact` decodes the whole prefix at every step and gives the trained system's codes,
+for audio that the speech encoder hears in one pass (see `speech.py`).
 `window` decodes W frames at every step and equals `exact` for clips of up to W frames. Samples and
 clips on the batch axis give what they give alone.
 """
