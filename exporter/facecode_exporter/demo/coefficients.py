@@ -34,6 +34,9 @@ LIP_WEIGHT, EYE_WEIGHT = 24.0, 5.0
 distances."""
 EYE_UNITS = ("eyeBlink", "brow")
 EYE_REACH_M = 1e-3
+GAZE_UNITS = ("eyeLook",)
+"""Not in the motion of a whole face: nothing that one hears says where the eyes go, and codes that
+hold lips and gaze together are lost between two gazes."""
 SMALLEST = 1e-6
 """Of the largest direction of motion; units that leave a part of the face still give none."""
 
@@ -48,7 +51,7 @@ class MotionBasis:
             head: the demo head.
             unit_spread: (52,) root mean square weight of each face unit in the data, which sets
                 the unit of the coefficients: their mean square is about 1.
-            vertices: those of one part of the face; all by default.
+            vertices: those of one part of the face; all, without gaze, by default.
         """
         vertex_weight = np.ones(head.template.shape[0])
         vertex_weight[_moved_by(head, EYE_UNITS)] = EYE_WEIGHT
@@ -61,9 +64,12 @@ class MotionBasis:
         self.n_vertices = -(-len(rows) // 3)
         padding = 3 * self.n_vertices - len(rows)
         self._rows = np.pad(rows, ((0, padding), (0, 0)))
-        spread = (units * self._root) @ self._rows.T * unit_spread[:, None]
+        along = units * self._root @ self._rows.T
+        if vertices is None:
+            along[_named(GAZE_UNITS)] = 0
+        spread = along * unit_spread[:, None]
         self._scale = float(np.sqrt(np.square(spread).sum() / len(self._rows)))
-        self._from_units = units * self._root @ self._rows.T / self._scale
+        self._from_units = along / self._scale
 
     def coefficients(self, unit_weights: AnyArray) -> Float32:
         """Face-unit weights (T, 52) to coefficients (T, 3K)."""
@@ -111,9 +117,13 @@ def rounded(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 def _moved_by(head: Head, prefixes: tuple[str, ...]) -> NDArray[np.bool_]:
     """(V,) vertices that a face unit with one of these names moves visibly."""
-    units = [unit.startswith(prefixes) for unit in FACE_UNITS]
-    reach = np.linalg.norm(head.unit_offsets[units], axis=-1)
+    reach = np.linalg.norm(head.unit_offsets[_named(prefixes)], axis=-1)
     return np.asarray((reach > EYE_REACH_M).any(axis=0))
+
+
+def _named(prefixes: tuple[str, ...]) -> NDArray[np.bool_]:
+    """(52,) face units with one of these names."""
+    return np.array([unit.startswith(prefixes) for unit in FACE_UNITS])
 
 
 class CorpusClips:

@@ -52,12 +52,13 @@ def stage2_config(corpus: Path) -> TrainingConfig:
         stage="stage2",
         system=SPEC.name,
         data=corpus.name,
-        epochs=25,
+        epochs=12,
         learning_rate=7e-4,
-        halve_every=6,
+        halve_every=4,
         batch_size=16,
         crop_frames=120,
         own_history=True,
+        speech_dropout=0.2,
         fine_tune_speech=False,
     )
 

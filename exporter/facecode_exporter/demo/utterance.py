@@ -34,7 +34,7 @@ SPLITS = ("train", "val", "test")
 PAUSE_S = (0.3, 1.0)
 EDGE_S = (0.2, 0.7)
 SHARE_OF_TWO_SENTENCES = 0.4
-SHARE_WITHOUT_SPEECH = 0.08
+SHARE_WITHOUT_SPEECH = 0.05
 NOBODY = "nobody"
 """The voice of a recording without speech."""
 ATTEMPTS = 20

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hibari import Hibari
 
 HIBARI_RATE = 24000
+PITCH_SPREAD, THROAT_SPREAD = 1.12, 1.06  # each sentence is said by a slightly different person
 SOURCES: Mapping[str, str] = {
     "hibari": "hibari-tts 0.2.1, voice 'heart', Apache-2.0",
     "flite": "CMU Flite 2.2, BSD-like",
@@ -75,15 +76,25 @@ def speak(text: str, voice: Voice, seed: int, pace: float = 1.0) -> Audio:
     Raises:
         CorpusError: the voice is not installed or gives no sound.
     """
+    rng = np.random.default_rng(seed)
     if voice.source == "flite":
-        return _flite(text, voice.name, voice.pace * pace)
-    return _hibari(text, voice, seed, voice.pace * pace)
+        return _flite(text, voice.name, voice.pace * pace, _spread(THROAT_SPREAD, rng))
+    pitch = voice.pitch * _spread(PITCH_SPREAD, rng)
+    formants = voice.formants * _spread(THROAT_SPREAD, rng)
+    return _hibari(text, pitch, formants, voice.pace * pace, rng)
 
 
-def _hibari(text: str, voice: Voice, seed: int, pace: float) -> Audio:
+def _spread(most: float, rng: np.random.Generator) -> float:
+    """A factor between 1 / most and most."""
+    return float(most ** rng.uniform(-1, 1))
+
+
+def _hibari(
+    text: str, pitch: float, formants: float, pace: float, rng: np.random.Generator
+) -> Audio:
     from hibari import dsp
 
-    engine, rng = _engine(), np.random.default_rng(seed)
+    engine = _engine()
     parts = []
     for phonemes in engine.phonemize(text):
         feed = {
@@ -91,17 +102,15 @@ def _hibari(text: str, voice: Voice, seed: int, pace: float) -> Audio:
             "speed": np.asarray([pace], np.float32),
         }
         *spectra, f0 = (output[0] for output in engine.sess.run(None, feed))
-        warped = [_warped(spectrum, voice.formants) for spectrum in spectra]
-        parts.append(dsp.synth(*warped, f0 * np.float32(voice.pitch), rng))
+        warped = [_warped(spectrum, formants) for spectrum in spectra]
+        parts.append(dsp.synth(*warped, f0 * np.float32(pitch), rng))
     if not parts:
-        raise CorpusError(f"{text!r}: the voice {voice.name} has nothing to say; give words")
+        raise CorpusError(f"{text!r} leaves the voice nothing to say; give words")
     return load_audio(np.concatenate(parts).astype(np.float32), SAMPLE_RATE, HIBARI_RATE)
 
 
 def _warped(spectrum: Float32, formants: float) -> Float32:
     """(n_bins, T) with its content moved to `formants` times the frequency."""
-    if formants == 1.0:
-        return spectrum
     n_bins = len(spectrum)
     source = np.minimum(np.arange(n_bins) / formants, n_bins - 1)
     low = np.minimum(source.astype(np.int64), n_bins - 2)
@@ -116,10 +125,11 @@ def _engine() -> Hibari:
     return Hibari(threads=1)
 
 
-def _flite(text: str, name: str, pace: float) -> Audio:
+def _flite(text: str, name: str, pace: float, tape: float) -> Audio:
+    """Spoken slower by `tape` and played faster by it: pitch and resonances rise alike."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "speech.wav")
-        options: list[Any] = ["-voice", name, "--setf", f"duration_stretch={1 / pace:.4f}"]
+        options: list[Any] = ["-voice", name, "--setf", f"duration_stretch={tape / pace:.4f}"]
         command = ["flite", *options, "-t", text, "-o", out]
         try:
             subprocess.run(command, check=True, capture_output=True, timeout=60)
@@ -128,4 +138,5 @@ def _flite(text: str, name: str, pace: float) -> Audio:
                 f"flite cannot speak as {name} ({error}); install the Debian package flite, "
                 "or leave its voices out"
             ) from error
-        return load_audio(out, SAMPLE_RATE)
+        said = load_audio(out, SAMPLE_RATE)
+        return load_audio(said, SAMPLE_RATE, round(SAMPLE_RATE * tape))

@@ -45,6 +45,9 @@ class TrainingConfig:
     """Stage 2: in place of the true past, half of the clips see none and the others see what the
     network says without one. Not in the paper; a small network that is taught on the true past
     learns to go on with it rather than to listen."""
+    speech_dropout: float = 0.0
+    """Stage 2: share of the speech features that are dropped in training. Not in the paper; keeps a
+    decoder that has heard few voices from leaning on what is theirs alone."""
     losses: DiverseLosses | None = None
     """cdface: weights and shapes of its terms."""
     fine_tune_speech: bool = True

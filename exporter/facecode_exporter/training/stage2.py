@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
@@ -63,7 +64,10 @@ class Stage2:
             [torch.from_numpy(clips.offsets(i)[start : start + n]) for i, start, n in group]
         )
         styles = torch.tensor([clips.style(i) for i, _, _ in group])
-        memory = net.audio_feature_map(self.speech.batch(split, group))
+        heard = F.dropout(
+            self.speech.batch(split, group), self.config.speech_dropout, training=net.training
+        )
+        memory = net.audio_feature_map(heard)
         past = offsets
         if net.training and self.config.own_history:
             past = self._own_past(offsets, styles, memory)
