@@ -1,8 +1,7 @@
 #!/bin/sh
-# Makes a model for runtime/facecode/assets/demo, from packages to the bundle. The packaged weights come
-# from an earlier form of the corpus (see its MODEL_CARD.md); the steps of today were each run from
-# nothing. Run it at the root of a checkout. Needs Debian's flite for four of the voices. Takes half an
-# hour on two idle cores, and 1.5 GB of memory. Interrupted, it goes on.
+# Makes the model of runtime/facecode/assets/demo anew, from packages to the bundle. The packaged one was
+# made by these steps one by one. Run it at the root of a checkout. Needs Debian's flite for four of the
+# voices. Takes a quarter of an hour on two idle cores, and 1.5 GB of memory. Interrupted, it goes on.
 set -eu
 work=${1:-demo-build}
 mkdir -p "$work"

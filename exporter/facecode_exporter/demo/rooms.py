@@ -6,6 +6,8 @@ speech and in time with it. The same generator state gives the same recording.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +24,7 @@ NOISE_DB = (-75.0, -32.0)
 LEVEL_DB = (-12.0, -1.0)
 EMPTY_DB = (-95.0, -15.0)
 SHARE_OF_ZEROS = 0.3
+GATE_EDGE_S = 0.06
 
 
 def recorded(clean: Audio, rng: np.random.Generator) -> Audio:
@@ -35,6 +38,15 @@ def recorded(clean: Audio, rng: np.random.Generator) -> Audio:
     scaled = heard * (level / max(float(np.abs(heard).max()), 1e-3))
     noisy = scaled + noise * level * _noise(len(heard), rng)
     return np.asarray(np.clip(noisy, -1, 1), np.float32)
+
+
+def gated(audio: Audio, pauses: Iterable[tuple[float, float]]) -> Audio:
+    """`audio` (n,) as a noise gate leaves it: zeros in all but the edges of pauses (seconds)."""
+    cut = audio.copy()
+    for start_s, end_s in pauses:
+        first, last = (start_s + GATE_EDGE_S) * SAMPLE_RATE, (end_s - GATE_EDGE_S) * SAMPLE_RATE
+        cut[round(first) : max(round(first), round(last))] = 0
+    return cut
 
 
 def empty_room(n_samples: int, rng: np.random.Generator) -> Audio:

@@ -26,7 +26,7 @@ from facecode_exporter.demo.phones import (
     words_of,
 )
 from facecode_exporter.demo.prompts import sentence
-from facecode_exporter.demo.rooms import empty_room, recorded
+from facecode_exporter.demo.rooms import empty_room, gated, recorded
 from facecode_exporter.demo.voices import Voice, speak
 from facecode_exporter.errors import AlignmentError
 
@@ -35,6 +35,7 @@ PAUSE_S = (0.3, 1.0)
 EDGE_S = (0.2, 0.7)
 SHARE_OF_TWO_SENTENCES = 0.4
 SHARE_WITHOUT_SPEECH = 0.05
+SHARE_GATED = 0.4
 NOBODY = "nobody"
 """The voice of a recording without speech."""
 ATTEMPTS = 20
@@ -112,6 +113,8 @@ def _spoken(
         phones.append(Phone(SILENCE, after_s, after_s + len(gap) / SAMPLE_RATE))
         sounds += [sound, gap]
     audio = recorded(np.concatenate(sounds), rng)
+    if rng.random() < SHARE_GATED:
+        audio = gated(audio, [(p.start_s, p.end_s) for p in phones if p.name == SILENCE])
     return Utterance(" ".join(texts), voice.name, audio, merged(phones))
 
 

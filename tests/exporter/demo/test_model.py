@@ -12,6 +12,7 @@ from facecode.bundle import Bundle
 from facecode.errors import TemplateError
 from facecode_exporter.bundle_writer import write_bundle
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
+from facecode_exporter.demo.face_units import FACE_UNITS
 from facecode_exporter.demo.head import PACKAGED, load_head
 from facecode_exporter.demo.model import LIP_PAIR, neutral_of
 from facecode_exporter.demo.whisper_wheel import whisper_weights
@@ -30,9 +31,15 @@ def basis(head):
     return MotionBasis(head, np.full(52, 0.2, np.float32))
 
 
+GAZE = [unit.startswith("eyeLook") for unit in FACE_UNITS]
+
+
 @pytest.fixture(scope="module")
 def weights():
-    return np.random.default_rng(0).random((9, 52)).astype(np.float32) / 2
+    """Of a face that looks straight ahead."""
+    drawn = np.random.default_rng(0).random((9, 52)).astype(np.float32) / 2
+    drawn[:, GAZE] = 0
+    return drawn
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +57,11 @@ def test_coefficients_hold_all_of_the_motion(head, basis, weights):
     np.testing.assert_allclose(back.numpy(), offsets, atol=1e-6)
     forth = torch.from_numpy(offsets).double() @ basis.encode.T
     np.testing.assert_allclose(forth.numpy(), coefficients.numpy(), atol=1e-4)
+
+
+def test_gaze_is_not_taught_to_a_whole_face(basis, weights):
+    gazing = weights + np.float32(0.3) * np.array(GAZE)
+    np.testing.assert_array_equal(basis.coefficients(gazing), basis.coefficients(weights))
 
 
 def test_lifted_layers_compute_what_the_small_ones_do(basis, weights, head, lifted):

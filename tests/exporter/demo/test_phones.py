@@ -81,7 +81,7 @@ def test_what_was_aligned_before_does_not_matter(aligner, spoken):
     alone = aligner.align(spoken, text)
     aligner.align(0.1 * spoken[:30000], "My baby may move")
     with pytest.raises(AlignmentError):
-        aligner.align(spoken[::-1].copy(), text)
+        aligner.align(spoken[8000:11000], text)
     assert aligner.align(spoken, text) == alone
 
 

@@ -5,7 +5,7 @@ import pytest
 from conftest import SPEECH
 
 from facecode.audio import load_audio
-from facecode_exporter.demo.rooms import empty_room, recorded
+from facecode_exporter.demo.rooms import empty_room, gated, recorded
 
 
 @pytest.fixture(scope="module")
@@ -33,3 +33,12 @@ def test_empty_rooms_differ():
     levels = [float(np.sqrt(np.square(room).mean())) for room in rooms]
     assert min(levels) == 0
     assert max(levels) > 0.01
+
+
+def test_a_gate_leaves_zeros_in_pauses_only():
+    heard = np.full(16_000, 0.1, np.float32)
+    cut = gated(heard, [(0.25, 0.5), (0.9, 1.0)])
+    zeros = np.flatnonzero(cut == 0) / 16_000
+    assert zeros.min() == pytest.approx(0.31)
+    assert zeros.max() == pytest.approx(0.44, abs=1e-3)  # the second pause is all edge
+    assert (heard > 0).all()
