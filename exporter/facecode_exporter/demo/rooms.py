@@ -25,6 +25,9 @@ LEVEL_DB = (-12.0, -1.0)
 EMPTY_DB = (-95.0, -15.0)
 SHARE_OF_ZEROS = 0.3
 GATE_EDGE_S = 0.06
+SHARE_WITH_BREATH = 0.35
+BREATH_S = (0.2, 0.6)
+BREATH_DB = (-45.0, -22.0)  # against full scale, which voices nearly reach
 
 
 def recorded(clean: Audio, rng: np.random.Generator) -> Audio:
@@ -38,6 +41,20 @@ def recorded(clean: Audio, rng: np.random.Generator) -> Audio:
     scaled = heard * (level / max(float(np.abs(heard).max()), 1e-3))
     noisy = scaled + noise * level * _noise(len(heard), rng)
     return np.asarray(np.clip(noisy, -1, 1), np.float32)
+
+
+def with_breath(pause: Audio, rng: np.random.Generator) -> Audio:
+    """`pause` (n,) in which, sometimes and where there is room, somebody breathes."""
+    breathes, length_s, level_db = rng.random(), rng.uniform(*BREATH_S), rng.uniform(*BREATH_DB)
+    n = round(length_s * SAMPLE_RATE)
+    if breathes > SHARE_WITH_BREATH or n > len(pause):
+        return pause
+    first = int(rng.integers(len(pause) - n, endpoint=True))
+    swell = np.sin(np.linspace(0, np.pi, n)) ** 2
+    breath = 10 ** (level_db / 20) * swell * _noise(n, rng)
+    heard = pause.copy()
+    heard[first : first + n] += breath.astype(np.float32)
+    return heard
 
 
 def gated(audio: Audio, pauses: Iterable[tuple[float, float]]) -> Audio:

@@ -26,13 +26,15 @@ from facecode_exporter.demo.phones import (
     words_of,
 )
 from facecode_exporter.demo.prompts import sentence
-from facecode_exporter.demo.rooms import empty_room, gated, recorded
+from facecode_exporter.demo.rooms import empty_room, gated, recorded, with_breath
 from facecode_exporter.demo.voices import Voice, speak
 from facecode_exporter.errors import AlignmentError
 
 SPLITS = ("train", "val", "test")
 PAUSE_S = (0.3, 1.0)
 EDGE_S = (0.2, 0.7)
+LONG_S = (0.7, 2.5)
+SHARE_OF_LONG = 0.25  # of edges and pauses
 SHARE_OF_TWO_SENTENCES = 0.4
 SHARE_WITHOUT_SPEECH = 0.05
 SHARE_GATED = 0.4
@@ -100,7 +102,7 @@ def _spoken(
     texts: Sequence[str], voice: Voice, rng: np.random.Generator, aligner: Aligner
 ) -> Utterance:
     pace = rng.uniform(0.88, 1.15)
-    sounds: list[Audio] = [_silence(rng.uniform(*EDGE_S))]
+    sounds: list[Audio] = [_pause(EDGE_S, rng)]
     phones = [Phone(SILENCE, 0.0, len(sounds[0]) / SAMPLE_RATE)]
     for index, text in enumerate(texts):
         whole = speak(text, voice, int(rng.integers(2**31)), pace)
@@ -108,7 +110,7 @@ def _spoken(
         sound = _faded(whole[first:last])
         begin_s = sum(map(len, sounds)) / SAMPLE_RATE
         phones += shifted(aligner.align(sound, text), begin_s)
-        gap = _silence(rng.uniform(*(PAUSE_S if index + 1 < len(texts) else EDGE_S)))
+        gap = _pause(PAUSE_S if index + 1 < len(texts) else EDGE_S, rng)
         after_s = begin_s + len(sound) / SAMPLE_RATE
         phones.append(Phone(SILENCE, after_s, after_s + len(gap) / SAMPLE_RATE))
         sounds += [sound, gap]
@@ -124,8 +126,10 @@ def _nobody_speaks(rng: np.random.Generator) -> Utterance:
     return Utterance("", NOBODY, audio, [Phone(SILENCE, 0.0, len(audio) / SAMPLE_RATE)])
 
 
-def _silence(seconds: float) -> Audio:
-    return np.zeros(round(seconds * SAMPLE_RATE), np.float32)
+def _pause(usual_s: tuple[float, float], rng: np.random.Generator) -> Audio:
+    """Zeros, some of them with a breath: nobody speaks, whatever is heard."""
+    seconds = rng.uniform(*(LONG_S if rng.random() < SHARE_OF_LONG else usual_s))
+    return with_breath(np.zeros(round(seconds * SAMPLE_RATE), np.float32), rng)
 
 
 def _faded(sound: Audio) -> Audio:

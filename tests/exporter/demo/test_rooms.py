@@ -5,7 +5,7 @@ import pytest
 from conftest import SPEECH
 
 from facecode.audio import load_audio
-from facecode_exporter.demo.rooms import empty_room, gated, recorded
+from facecode_exporter.demo.rooms import empty_room, gated, recorded, with_breath
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +33,15 @@ def test_empty_rooms_differ():
     levels = [float(np.sqrt(np.square(room).mean())) for room in rooms]
     assert min(levels) == 0
     assert max(levels) > 0.01
+
+
+def test_some_pauses_have_a_breath_in_them():
+    pauses = [with_breath(np.zeros(9600, np.float32), np.random.default_rng(k)) for k in range(60)]
+    loud = [float(np.abs(pause).max()) for pause in pauses]
+    assert all(pause.shape == (9600,) and pause.dtype == np.float32 for pause in pauses)
+    assert 10 < sum(level > 0 for level in loud) < 40
+    assert max(loud) < 0.5
+    assert not with_breath(np.zeros(160, np.float32), np.random.default_rng(0)).any()
 
 
 def test_a_gate_leaves_zeros_in_pauses_only():
