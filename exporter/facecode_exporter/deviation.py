@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facecode.animator import Animator, Request
+from facecode.animator import Animator
 from facecode.arrays import Codes, Offsets
 from facecode.audio import SPEECH, load_audio
+from facecode.request import Request
 from facecode_exporter.errors import DeviationError
 from facecode_exporter.evaluation.metrics import lip_vertex_error
 from facecode_spec.manifest import Deviation, WindowEntry

@@ -14,9 +14,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from facecode.animator import Animator, Request
+from facecode.animator import Animator
 from facecode.arrays import AnyArray, Audio, Codes, Float32
 from facecode.audio import normalise
+from facecode.request import Request
 from facecode.session import Graph
 from facecode_exporter.errors import ParityError
 from facecode_exporter.nets.cdface import Trained, predict_parts

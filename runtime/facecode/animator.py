@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal, TypeAlias, overload
+from collections.abc import Iterable, Iterator, Sequence
+from typing import overload
 
 import numpy as np
 
@@ -20,10 +19,12 @@ from facecode.animation import Animation
 from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
+from facecode.compose import compose
 from facecode.errors import ModeError
 from facecode.loop import GeneratedPart, HeldPart, MotionState, PartLoop, run_loop
 from facecode.motion import PrefixMotion
 from facecode.part import HEAD_CHUNK, Part
+from facecode.request import Held, Mode, Request, window_frames
 from facecode.samples import Samples, check_codes, sample_heads
 from facecode.session import Graph, default_threads
 from facecode.shown import ShownFrames
@@ -31,24 +32,8 @@ from facecode.speech import Memory, SpeechEncoder
 from facecode.styles import Style, style_weights
 from facecode.takes import Takes
 from facecode.template import TemplateSource, load_template
-from facecode.window import DEFAULT_WINDOW, SMALLEST_WINDOW, Show, WindowMotion
+from facecode.window import DEFAULT_WINDOW, Show, WindowMotion
 from facecode_spec.manifest import Manifest
-
-Mode: TypeAlias = Literal["exact", "window"]
-MODES: tuple[Mode, ...] = ("exact", "window")
-Held: TypeAlias = "Mapping[str, AnyArray | Animation]"
-"""Codes (T, H) to keep, or a clip whose codes to keep, by part name."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """What to generate beside the speech."""
-
-    window: int | None = None
-    """Decode `window` frames for the feedback; None: the whole prefix."""
-    samples: Samples | None = None
-    hold: Held = field(default_factory=dict)
-    progress: bool = False
 
 
 class Animator:
@@ -256,11 +241,8 @@ class Animator:
             clip = [
                 np.stack([frame[p][i] for frame in reached], axis=1) for p in range(len(self.parts))
             ]
-            moved.append(
-                self._compose(
-                    clip, [_of_clip(show, i, c) for show, c in zip(shows, clip, strict=True)]
-                )
-            )
+            hidden = [show.of_clip(i, codes) for show, codes in zip(shows, clip, strict=True)]
+            moved.append(self._compose(clip, hidden))
         return moved
 
     def blocks(
@@ -315,24 +297,7 @@ class Animator:
     def _compose(
         self, clip: Sequence[Codes], hidden: Sequence[Float32 | None]
     ) -> tuple[Codes, Offsets]:
-        """Rows of each part's codes (rows, T, H) to codes and offsets of all faces.
-
-        What `window` has decoded already comes as hidden frames (rows, T, E).
-        """
-        n_faces = max(len(codes) for codes in clip)
-        n_frames = clip[0].shape[1]
-        offsets = np.empty((n_faces, n_frames, self.manifest.n_vertices, 3), dtype=np.float32)
-        every = []
-        for part, codes, shown in zip(self.parts, clip, hidden, strict=True):
-            share = n_faces // len(codes)
-            if shown is None:
-                part.decode(codes, offsets[::share])
-            else:
-                part.show(shown, offsets[::share])
-            for k in range(1, share):
-                _copy(offsets[::share], offsets[k::share], part)
-            every.append(np.repeat(codes, share, axis=0))
-        return np.concatenate(every, axis=2), offsets
+        return compose(self.parts, self.manifest.n_vertices, clip, hidden)
 
 
 def load(path: str | os.PathLike[str] | None = None, *, threads: int | None = None) -> Animator:
@@ -344,42 +309,8 @@ def load(path: str | os.PathLike[str] | None = None, *, threads: int | None = No
     return Animator(Bundle.open(PACKAGED_BUNDLE if path is None else path), threads)
 
 
-def window_frames(mode: str, window: int | None, default: int = DEFAULT_WINDOW) -> int | None:
-    """Frames to decode per step: None for the whole prefix.
-
-    Raises:
-        ModeError: unknown mode, `window` without window mode, or too small.
-    """
-    if mode not in MODES:
-        raise ModeError(f"got mode {mode!r}; expected one of {', '.join(MODES)}")
-    if mode == "exact":
-        if window is not None:
-            raise ModeError("a window goes with mode 'window'; exact decodes the whole prefix")
-        return None
-    if window is not None and window < SMALLEST_WINDOW:
-        raise ModeError(
-            f"got a window of {window} frames; expected at least {SMALLEST_WINDOW}, since the "
-            "newest frame changes two before it"
-        )
-    return default if window is None else window
-
-
-def _of_clip(show: ShownFrames, clip: int, codes: Codes) -> Float32 | None:
-    """Hidden frames (rows, T, E) of a clip with codes (rows, T, H), where there are any."""
-    first, last = clip * len(codes), (clip + 1) * len(codes)
-    return show.take(first, last) if show.has(first) else None
-
-
 def _ignore(rows: slice, hidden: Float32) -> None:
     """Frames that nobody looks at."""
-
-
-def _copy(source: Offsets, target: Offsets, part: Part) -> None:
-    """The part's vertices of `source` into `target`, face by face."""
-    if part.vertices is None:
-        target[...] = source
-    else:
-        target[:, :, part.vertices] = source[:, :, part.vertices]
 
 
 def _with_bar(frames: Iterator[list[Codes]], n_frames: int) -> Iterable[list[Codes]]:

@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from facecode.animator import Animator, Request
+from facecode.animator import Animator
 from facecode.arrays import AnyArray, Audio, Float32
 from facecode.audio import SPEECH, load_audio
 from facecode.part import HEAD_CHUNK
+from facecode.request import Request
 from facecode.session import ONNXRUNTIME_VERSION, Graph
 from facecode.shown import ShownFrames
 from facecode.speech import SpeechEncoder

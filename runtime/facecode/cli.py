@@ -12,12 +12,13 @@ from pathlib import Path
 
 import facecode
 from facecode import writers
-from facecode.animator import MODES, Animator
+from facecode.animator import Animator
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.codes_file import parse_hold
 from facecode.console import guarded
 from facecode.errors import OutputFolderError, SampleError
+from facecode.request import MODES
 from facecode.samples import Samples
 from facecode.styles import parse_style
 from facecode.takes import Takes

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from facecode.animation import Animation
-from facecode.animator import Animator, Mode, Request, load
+from facecode.animator import Animator, load
 from facecode.arrays import Audio, Float32, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.errors import FacecodeError
+from facecode.request import Mode, Request
 from facecode.speech import Memory
 from facecode.styles import Style, style_weights
 from facecode.template import TemplateSource

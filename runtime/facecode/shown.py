@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facecode.arrays import Float32
+from facecode.arrays import Codes, Float32
 
 
 class ShownFrames:
@@ -29,3 +29,8 @@ class ShownFrames:
     def take(self, first: int, last: int) -> Float32:
         """All waiting frames (last - first, m, E) of the rows `first` to `last`."""
         return np.stack([np.concatenate(self._rows.pop(row)) for row in range(first, last)])
+
+    def of_clip(self, clip: int, codes: Codes) -> Float32 | None:
+        """Hidden frames (rows, T, E) of a clip with codes (rows, T, H), where there are any."""
+        first, last = clip * len(codes), (clip + 1) * len(codes)
+        return self.take(first, last) if self.has(first) else None

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from facecode.animator import Animator, Request
+from facecode.animator import Animator
 from facecode.bundle import Bundle
+from facecode.request import Request
 from facecode_exporter import bundle_writer, parity
 from facecode_exporter.cli import main
 from facecode_exporter.nets.speech import samples_for

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from facecode.animator import window_frames
 from facecode.buffers import GrowingBuffer, KeyValueCache
 from facecode.codebook import Codebook
 from facecode.errors import ModeError, StyleError, StyleWarning, TemplateError
+from facecode.request import window_frames
 from facecode.styles import parse_style, style_weights
 from facecode.template import load_template, read_mesh
 

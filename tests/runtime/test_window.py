@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from facecode.animator import Request
 from facecode.past import ThinnedPast
+from facecode.request import Request
 from facecode.window import DELAY, PAST_SLOTS, WindowMotion
 
 

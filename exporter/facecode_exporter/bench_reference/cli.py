@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from facecode.animator import MODES
+from facecode.request import MODES
 from facecode.writers.atomic import check_folder, writing
 
 if TYPE_CHECKING:

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from facecode.animator import Animator, Mode, Request
+from facecode.animator import Animator
 from facecode.arrays import Audio
 from facecode.bench import cpu_name, looped_speech
+from facecode.request import Mode, Request
 from facecode.session import ONNXRUNTIME_VERSION
 from facecode_exporter.bench_reference.public_algorithm import PublicAlgorithm
 from facecode_exporter.nets.cdface import Trained

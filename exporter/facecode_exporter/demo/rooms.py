@@ -54,7 +54,7 @@ def with_breath(pause: Audio, rng: np.random.Generator) -> Audio:
     breath = 10 ** (level_db / 20) * swell * _noise(n, rng)
     heard = pause.copy()
     heard[first : first + n] += breath.astype(np.float32)
-    return heard
+    return np.asarray(heard)
 
 
 def gated(audio: Audio, pauses: Iterable[tuple[float, float]]) -> Audio:
@@ -63,7 +63,7 @@ def gated(audio: Audio, pauses: Iterable[tuple[float, float]]) -> Audio:
     for start_s, end_s in pauses:
         first, last = (start_s + GATE_EDGE_S) * SAMPLE_RATE, (end_s - GATE_EDGE_S) * SAMPLE_RATE
         cut[round(first) : max(round(first), round(last))] = 0
-    return cut
+    return np.asarray(cut)
 
 
 def empty_room(n_samples: int, rng: np.random.Generator) -> Audio:

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import facecode
-from facecode.animator import MODES, Animator, window_frames
+from facecode.animator import Animator
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.errors import StyleError
+from facecode.request import MODES, window_frames
 from facecode.writers.atomic import check_folder, writing
 from facecode_exporter.evaluation.data_set import LAYOUTS
 

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from facecode.animator import Animator, Mode
+from facecode.animator import Animator
 from facecode.arrays import AnyArray, Codes
+from facecode.request import Mode
 from facecode_exporter.errors import EvaluationError
 from facecode_exporter.evaluation.data_set import DataSet, subject_of
 from facecode_exporter.evaluation.metrics import Score, score

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from facecode.animation import Animation
-from facecode.animator import Animator, Mode
+from facecode.animator import Animator
 from facecode.arrays import Float32, Indices
+from facecode.request import Mode
 from facecode_exporter.errors import EvaluationError
 from facecode_exporter.evaluation import lip_sync
 from facecode_exporter.evaluation.distances import Progress
