@@ -44,7 +44,10 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     where = animate.add_mutually_exclusive_group(required=True)
     where.add_argument("-o", "--output", help=f"{_suffixes()}, or - (npz)")
     where.add_argument(
-        "--out-dir", type=Path, metavar="DIR", help="one file a recording, several at once"
+        "--out-dir",
+        type=Path,
+        metavar="DIR",
+        help="a folder, made if need be: one file a recording, several at once",
     )
     animate.add_argument(
         "--format", choices=[s[1:] for s in writers.WRITERS], default="npz", help="with --out-dir"

@@ -20,20 +20,22 @@ def run_many(args: argparse.Namespace) -> int:
     """Animate `args.audio` into `args.out_dir`; 2 if a recording failed, and the others done.
 
     Raises:
-        OutputFolderError: no such folder, or two recordings of one name.
+        OutputFolderError: a folder that cannot be made, or two recordings of one name.
         SampleError: samples or held codes, which are for one recording.
     """
     if args.samples or args.lips or args.upper_face or args.hold:
         raise SampleError("samples and held codes are for one recording; give it alone, with -o")
     outputs = _outputs([Path(name) for name in args.audio], args.out_dir, f".{args.format}")
+    style = None if args.style is None else parse_style(args.style)
     start, seconds, n_failed = time.perf_counter(), 0.0, 0
     face = facecode.load(args.bundle, threads=args.threads)
+    _make_folder(args.out_dir)
     for output in outputs:
         writers.check_output(output)
         writers.check_faces(output, face.bundle.faces)
     clips = facecode.animate_many(
         args.audio,
-        None if args.style is None else parse_style(args.style),
+        style,
         face=face,
         mode=args.mode,
         window=args.window,
@@ -54,6 +56,19 @@ def run_many(args: argparse.Namespace) -> int:
             f"{seconds:.1f} s of speech in {took:.1f} s ({seconds / took:.1f} s a second)"
         )
     return MISTAKE if n_failed else DONE
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileNotFoundError as error:
+        raise OutputFolderError(
+            f"the folder {folder.parent} does not exist; create it first"
+        ) from error
+    except FileExistsError as error:
+        raise OutputFolderError(
+            f"{folder} is a file; name a folder for the results with --out-dir"
+        ) from error
 
 
 def _outputs(sources: list[Path], folder: Path, suffix: str) -> list[Path]:

@@ -58,7 +58,6 @@ def test_mistakes_that_concern_all_are_raised_before_the_first(tiny):
 def test_command_line(run_cli, tmp_path, recordings, tiny):
     for i, audio in enumerate(recordings[:3]):
         soundfile.write(tmp_path / f"{i}.wav", audio, 16_000, subtype="FLOAT")
-    (tmp_path / "out").mkdir()
     done = run_cli("animate", "0.wav", "1.wav", "2.wav", "--bundle", TINY, "--out-dir", "out")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("out: 3 of 3 recordings, 3.")
@@ -86,7 +85,8 @@ def test_command_line_goes_on_after_a_bad_file(run_cli, tmp_path, recordings):
     [
         (("a.wav", "b.wav", "-o", "x.npz"), "--out-dir"),
         (("a.wav", "sub/a.wav", "--out-dir", "."), "a.npz"),
-        (("a.wav", "--out-dir", "nowhere"), "nowhere"),
+        (("a.wav", "--out-dir", "nowhere/deep"), "nowhere"),
+        (("a.wav", "--out-dir", SPEECH), "is a file"),
         (("a.wav", "b.wav", "--out-dir", ".", "--samples", "2"), "alone"),
     ],
 )
