@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 from tqdm import tqdm
 
 from facecode.arrays import Float32
@@ -27,6 +26,7 @@ from facecode_exporter.evaluation.distances import ScoredClip, Take, scored_clip
 from facecode_exporter.evaluation.regions import Regions
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
+from facecode_exporter.training.losses import counted_mse
 from facecode_exporter.training.run import train
 from facecode_exporter.training.stage2 import Stage2
 from facecode_spec.schema import CodebookSpec, SystemSpec
@@ -46,9 +46,9 @@ class RegressionStage(Stage2):
 
     terms = ("motion",)
 
-    def compare(self, offsets: Tensor, features: Tensor) -> list[Tensor]:
+    def compare(self, offsets: Tensor, features: Tensor, counts: Tensor) -> list[Tensor]:
         """Mean squared error of the offsets (B, T, 3V)."""
-        return [F.mse_loss(features.flatten(2), offsets)]
+        return [counted_mse(features.flatten(2), offsets, counts)]
 
 
 def without_codebook(system: SystemSpec) -> SystemSpec:

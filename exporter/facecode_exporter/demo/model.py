@@ -59,6 +59,7 @@ def stage2_config(corpus: Path) -> TrainingConfig:
         crop_frames=120,
         own_history=True,
         speech_dropout=0.2,
+        closed_weight=2.5,
         fine_tune_speech=False,
     )
 

@@ -23,7 +23,19 @@ def stage1_terms(
 
 
 def stage2_terms(
-    offsets: Tensor, decoded: Tensor, features: Tensor, true_vectors: Tensor
+    offsets: Tensor, decoded: Tensor, features: Tensor, true_vectors: Tensor, counts: Tensor
 ) -> list[Tensor]:
-    """Motion term on offsets, regularisation to the quantised encoding of the true motion."""
-    return [F.mse_loss(decoded, offsets), F.mse_loss(features, true_vectors.detach())]
+    """Motion term on offsets, regularisation to the quantised encoding of the true motion.
+
+    Frames count as often as `counts` (B, T) says.
+    """
+    return [
+        counted_mse(decoded, offsets, counts),
+        counted_mse(features, true_vectors.detach(), counts),
+    ]
+
+
+def counted_mse(said: Tensor, truth: Tensor, counts: Tensor) -> Tensor:
+    """Mean squared error of (B, T, ...) in which frames count as often as `counts` (B, T) says."""
+    per_frame = (said - truth).square().flatten(2).mean(dim=-1)
+    return (counts * per_frame).sum() / counts.sum()

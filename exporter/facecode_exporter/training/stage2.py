@@ -6,17 +6,21 @@ adds the embedding of a zero motion there, which differs by that layer's bias.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import cast
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from facecode_exporter.evaluation.lip_sync import CLOSED_BELOW
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.data import Clips, batches
 from facecode_exporter.training.losses import stage2_terms, straight_through
+from facecode_exporter.training.query import PartClips
 from facecode_exporter.training.speech_rows import SpeechRows
 
 
@@ -33,6 +37,7 @@ class Stage2:
         self.speech = SpeechRows(
             net.system, net.audio_encoder, self.splits, config.fine_tune_speech
         )
+        self.open = {split: self._open_frames(clips) for split, clips in self.splits.items()}
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""
@@ -71,16 +76,33 @@ class Stage2:
         past = offsets
         if net.training and self.config.own_history:
             past = self._own_past(offsets, styles, memory)
-        return self.compare(offsets, net.features(self._tokens(past, styles), memory))
+        features = net.features(self._tokens(past, styles), memory)
+        return self.compare(offsets, features, self._counts(split, group))
 
-    def compare(self, offsets: Tensor, features: Tensor) -> list[Tensor]:
-        """The terms for true offsets (B, T, 3V) and predicted features (B, T, H, C)."""
+    def _open_frames(self, clips: Clips) -> Sequence[NDArray[np.bool_]] | None:
+        """(T,) of each clip: whether the mouth is open; None where all frames count alike."""
+        if self.config.closed_weight == 1:
+            return None
+        return cast(PartClips, clips).open_mouth(CLOSED_BELOW)
+
+    def _counts(self, split: str, group: list[tuple[int, int, int]]) -> Tensor:
+        """(B, T) how often each frame counts."""
+        frames = self.open[split]
+        if frames is None:
+            return torch.ones(len(group), group[0][2])
+        is_open = torch.stack(
+            [torch.from_numpy(frames[i][start : start + n]) for i, start, n in group]
+        )
+        return torch.where(is_open, 1.0, self.config.closed_weight)
+
+    def compare(self, offsets: Tensor, features: Tensor, counts: Tensor) -> list[Tensor]:
+        """The terms for true offsets (B, T, 3V), features (B, T, H, C) and counts (B, T)."""
         prior = self.net.autoencoder
         with torch.no_grad():
             true_vectors = prior.quantize.look_up(prior.quantize(prior.encoder(offsets)))
         vectors = prior.quantize.look_up(prior.quantize(features))
         decoded = prior.decoder(straight_through(features, vectors))
-        return stage2_terms(offsets, decoded, features, true_vectors)
+        return stage2_terms(offsets, decoded, features, true_vectors, counts)
 
     @torch.no_grad()
     def _own_past(self, offsets: Tensor, styles: Tensor, memory: Tensor) -> Tensor:
