@@ -32,9 +32,10 @@ def session_options(threads: int) -> ort.SessionOptions:
     # The graphs are chains: nothing to run side by side.
     options.execution_mode = ort.ExecutionMode.ORT_SEQUENTIAL
     options.inter_op_num_threads = 1
-    # Four sessions share the cores: a pool that spins takes them from the session at work,
-    # and from the application around it.
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    # A call is some hundred short operators: waking a sleeping thread for each takes longer than
+    # many of them. Between calls threads sleep, since the pools of four sessions share the cores.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "1")
+    options.add_session_config_entry("session.force_spinning_stop", "1")
     # Patterns are recorded per input shape, and the prefix has a new one at every step.
     options.enable_mem_pattern = False
     options.log_severity_level = 3  # errors; they also come as exceptions

@@ -18,7 +18,8 @@ def checkpoints(tmp_path_factory):
 def test_table_and_json(checkpoints, tmp_path, capsys):
     args = ["bench-reference", str(TINY), str(TINY), *checkpoints, "--threads", "1", "--quiet"]
     report = tmp_path / "report.json"
-    assert main([*args, "--seconds", "1,0.5", "--rounds", "1", "--json", str(report)]) == 0
+    args += ["--seconds", "1,0.5", "--rounds", "1", "--window", "6"]
+    assert main([*args, "--json", str(report)]) == 0
     out = capsys.readouterr().out
     assert "public algorithm" in out
     assert "codetalker-tiny fp32 exact" in out
@@ -29,6 +30,7 @@ def test_table_and_json(checkpoints, tmp_path, capsys):
     assert numbers["reference"][0]["full_run_ms_per_frame"] > 0
     assert numbers["reference"][1]["full_run_ms_per_frame"] is None
     assert len(numbers["runtime"]) == 2 * 2 * 2
+    assert {r["window"] for r in numbers["runtime"]} == {None, 6}
     for r in numbers["runtime"]:
         truth = next(t for t in numbers["reference"] if t["seconds"] == r["seconds"])
         assert r["ratio"] == pytest.approx(truth["ms_per_frame"] / r["ms_per_frame"])

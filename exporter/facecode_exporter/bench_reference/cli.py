@@ -31,6 +31,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:  # noqa: ANN401
         "--seconds", type=_lengths, default=LENGTHS_S, metavar="A,B", help="clips (2,6,12,20)"
     )
     parser.add_argument("--modes", type=_modes, default=MODES, metavar="A,B", help=",".join(MODES))
+    parser.add_argument(
+        "--window", type=int, metavar="W", help="of `window` (default: the choice of each bundle)"
+    )
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"median of ({ROUNDS})")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers to FILE")
@@ -53,7 +56,11 @@ def run(args: argparse.Namespace) -> None:
     net = load_system(system, args.stage1, args.stage2)
     threads = args.threads or default_threads()
     animators = [Animator(bundle, threads) for bundle in bundles]
-    contestants = [Contestant(a, mode) for a in animators for mode in args.modes]
+    contestants = [
+        Contestant(a, mode, a.window_frames(mode, args.window if mode == "window" else None))
+        for a in animators
+        for mode in args.modes
+    ]
 
     def progress(text: str) -> None:
         if not args.quiet:

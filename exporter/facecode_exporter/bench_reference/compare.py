@@ -88,11 +88,8 @@ class Contestant:
 
     animator: Animator
     mode: Mode
-
-    @property
-    def window(self) -> int | None:
-        """Frames decoded a step, None in exact mode."""
-        return self.animator.window_frames(self.mode, None)
+    window: int | None
+    """Frames decoded a step, None in exact mode."""
 
     def run(self, speech: Audio) -> None:
         """Animate `speech` in the first style, vertices included."""
