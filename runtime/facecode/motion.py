@@ -6,7 +6,7 @@ and kept; the norm over the prefix and the attention change everything behind it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +64,7 @@ class MotionDecoder:
         )
 
     def past_inputs(
-        self, keys: Sequence[Float32], values: Sequence[Float32]
+        self, keys: Iterable[Float32], values: Iterable[Float32]
     ) -> dict[str, AnyArray]:
         """Rows (B, heads, p, width) of every layer by graph input name."""
         named: dict[str, AnyArray] = {f"past_keys_{i}": rows for i, rows in enumerate(keys)}

@@ -74,10 +74,8 @@ class WindowMotion:
         self._delay = max(DELAY, window)
         n_slots = max(PAST_SLOTS, window)
         self._past = ThinnedPast(n_slots)
-        slot_rows = (n_rows, decoder.n_heads, n_slots, decoder.head_dim)
-        layers = range(decoder.n_layers)
-        self._keys = [np.zeros(slot_rows, np.float32) for _ in layers]
-        self._values = [np.zeros(slot_rows, np.float32) for _ in layers]
+        slots = (decoder.n_layers, n_rows, decoder.n_heads, n_slots, decoder.head_dim)
+        self._keys, self._values = np.zeros(slots, np.float32), np.zeros(slots, np.float32)
         self._kept = np.zeros((n_rows, n_slots, decoder.dim), np.float32)
         self._waiting = np.zeros((n_rows, self._delay, decoder.dim), np.float32)
         self._vectors = np.zeros((n_rows, 0, *vector_shape), np.float32)
@@ -141,9 +139,7 @@ class WindowMotion:
             squares=self._squares[rows].astype(np.float32),
             past_log_weights=log_weights,
             revisited_log_weights=own,
-            **self._decoder.past_inputs(
-                [keys[rows] for keys in self._keys], [values[rows] for values in self._values]
-            ),
+            **self._decoder.past_inputs(self._keys[:, rows], self._values[:, rows]),
         )
         shown = hidden[:, : len(final)]
         return _Decoded(feedback, shown, activations, keys, values, slots)
@@ -151,9 +147,8 @@ class WindowMotion:
     def _store(self, slots: NDArray[np.int64], keys: AnyArray, values: AnyArray) -> None:
         """Fresh keys and values (layers, rows, heads, n, width) into their slots."""
         n_rows, n = keys.shape[1], len(slots)
-        for stored, fresh in ((self._keys, keys), (self._values, values)):
-            for layer, rows in zip(stored, fresh, strict=True):
-                layer[:n_rows, :, slots] = rows[:, :, :n]
+        self._keys[:, :n_rows, :, slots] = keys[:, :, :, :n]
+        self._values[:, :n_rows, :, slots] = values[:, :, :, :n]
 
     def _retire(self, frame: int, decoded: _Decoded) -> None:
         """Take a frame whose convolution is final into the sums (Welford 1962) and the past."""
