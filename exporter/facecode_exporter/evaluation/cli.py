@@ -70,6 +70,10 @@ def add_parser(commands: Commands) -> None:
     _add_data(diversity)
     diversity.add_argument("--samples", type=_count, default=5, metavar="K", help="default: 5")
     diversity.add_argument("--hold", metavar="PART", help="keep its first sample, vary the rest")
+    diversity.add_argument(
+        "--tau", type=float, metavar="TAU", help="baseline: a model of one sample draws its codes"
+    )
+    diversity.add_argument("--clips", type=_count, metavar="N", help="the first N; default: all")
     diversity.add_argument("--plots", type=Path, metavar="DIR", help="lip distances of the samples")
     diversity.add_argument("--threads", type=_count, metavar="N", help="default: all cores")
 
@@ -184,10 +188,12 @@ def run_diversity(args: argparse.Namespace) -> None:
     animator = facecode.load(args.bundle, threads=args.threads)
     regions = read_regions(args.lips, args.upper_face, animator.bundle)
     data = open_data_set(args.data, args.dataset, args.split)
-    takes = distances.takes_of(data, animator, None)
+    takes = distances.takes_of(data, animator, None)[: args.clips]
     bar = _bar("animate", args.quiet)
     scored = list(
-        diversity.score_faces(animator, takes, data, regions, args.samples, args.hold, bar)
+        diversity.score_faces(
+            *(animator, takes, data, regions, args.samples, args.hold, bar), tau=args.tau
+        )
     )
     if args.plots is not None:
         take = takes[0]
@@ -195,6 +201,7 @@ def run_diversity(args: argparse.Namespace) -> None:
         pair = require_lip_pair(animator, None)
         diversity.plot_lip_distances(faces, pair, args.plots / f"{take.clip}_lip_distances.png")
     about = {"bundle": animator.manifest.name, "samples": args.samples, "hold": args.hold}
+    about["tau"] = args.tau
     plain = {**about, **_about(args, data), **report.diversity_plain(scored)}
     _deliver(plain, report.diversity_table(scored, animator.manifest.unit), args.json)
 

@@ -46,10 +46,13 @@ class TrainingConfig:
     network says without one. Not in the paper; a small network that is taught on the true past
     learns to go on with it rather than to listen."""
     speech_dropout: float = 0.0
-    """Stage 2: share of the speech features that are dropped in training. Not in the paper; keeps a
-    decoder that has heard few voices from leaning on what is theirs alone."""
+    """Stage 2 and cdface: share of the speech features that are dropped in training. Not in the
+    paper; keeps a decoder that has heard few voices from leaning on what is theirs alone."""
     losses: DiverseLosses | None = None
     """cdface: weights and shapes of its terms."""
+    head_spread: float = 0.5
+    """cdface that starts from a network of one head: noise on the copies of that head, as a share
+    of the root mean square of its weights. Copies alone would never part."""
     fine_tune_speech: bool = True
     """Stage 2, and cdface's first part: train the speech encoder's transformer too; its
     convolutions stay frozen."""

@@ -12,6 +12,7 @@ from facecode.bundle import Bundle
 from facecode_exporter.bundle_writer import read_neutral, write_bundle
 from facecode_exporter.cli import main
 from facecode_exporter.errors import EvaluationError
+from facecode_exporter.evaluation.code_sampling import DrawnCodebook, drawing, drawn_faces
 from facecode_exporter.evaluation.diversity import diversity_score, mean_score
 from facecode_exporter.evaluation.metrics import lip_vertex_error
 from facecode_exporter.evaluation.regions import Regions
@@ -94,3 +95,28 @@ def test_score_is_that_of_evaluate_bundle():
     want = [lip_vertex_error(f, truth, REGIONS.lips) for f in faces]
     score = diversity_score(faces, truth, REGIONS)
     assert (score.alve, score.best_lve) == (np.mean(want), min(want))
+
+
+def test_codes_are_drawn_by_their_distance():
+    rows = np.array([[0.0], [1.0], [3.0]], np.float32)
+    features = np.full((20_000, 1), 0.5, np.float32)
+    drawn = DrawnCodebook(rows, 2.0, np.random.default_rng(0)).nearest(features)
+    odds = np.exp(-np.array([0.25, 0.25, 6.25]) / 2)
+    np.testing.assert_allclose(np.bincount(drawn) / len(drawn), odds / odds.sum(), atol=0.01)
+    nearest = DrawnCodebook(rows, 0.0, np.random.default_rng(0)).nearest(features + 0.1)
+    assert (nearest == 1).all()
+
+
+def test_drawn_faces_differ_and_without_tau_are_the_model(tiny, speech):
+    animator = tiny
+    audio, neutral = speech[0][:9000], animator.bundle.template
+    want = animator.animate(audio).vertices
+    same = drawn_faces(drawing(animator, 0.0), audio, None, neutral, 2)
+    np.testing.assert_allclose(same, np.stack([want, want]), atol=1e-6)
+    first, second = drawn_faces(drawing(animator, 100.0), audio, None, neutral, 2)
+    assert not np.array_equal(first, second)
+
+
+def test_a_model_with_samples_is_no_baseline(bundle):
+    with pytest.raises(EvaluationError, match="no samples of its own"):
+        drawing(Animator(Bundle.open(bundle)), 1.0)

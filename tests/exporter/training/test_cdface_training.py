@@ -16,7 +16,7 @@ from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.training import run
 from facecode_exporter.training.config import cdface_defaults
 from facecode_exporter.training.data import FolderClips, FolderPart
-from facecode_exporter.training.query import QueryStage
+from facecode_exporter.training.query import QueryStage, heard, start_from_one
 from facecode_spec.systems import SYSTEMS
 
 TINY = SYSTEMS["cdface-tiny"]
@@ -122,8 +122,8 @@ def stage_of(data, part, **losses):
 
 @pytest.mark.parametrize("part", ["lips", "upper_face"])
 def test_gradient_reaches_the_query_network_and_nothing_that_is_frozen(data, part):
-    """Through the quantiser alone: the term that needs no decoded motion is left out."""
-    stage = stage_of(data, part, regulariser=0.0)
+    """Through the quantiser alone: the terms that need no decoded motion are left out."""
+    stage = stage_of(data, part, regulariser=0.0, target_code=0.0)
     stage.trained.train()
     loss, _ = next(iter(stage.epoch(np.random.default_rng(0))))
     loss.backward()
@@ -146,6 +146,20 @@ def test_only_lips_are_masked(data):
     assert terms["lips"][closure] > 0
     assert terms["upper_face"][closure] == 0
     assert stage_of(data, "lips", mask=False).validate()[closure] == 0
+
+
+def test_samples_start_near_the_one_that_was_trained():
+    torch.manual_seed(0)
+    net, one = CDFace(TINY).part_nets[0], CDFace(variant(TINY, 1, False)).part_nets[0]
+    start_from_one(net, one, 0.01)
+    memory, style = torch.randn(1, 24, net.audio_feature_map.out_features), torch.tensor([0])
+    n = memory.shape[1] // TINY.speech_encoder.memory_rows_per_frame
+    with torch.no_grad():
+        many = heard(net, memory, style, {})
+        single = heard(one, memory, style, {}).expand_as(many)
+    assert many.shape[:3] == (1, TINY.parts[0].n_samples, n)
+    torch.testing.assert_close(many, single, rtol=0, atol=0.05)
+    assert (many[:, 0] != many[:, 1]).any()
 
 
 def test_parts_cover_every_vertex_once(data, tmp_path):
