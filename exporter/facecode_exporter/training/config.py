@@ -50,9 +50,10 @@ class TrainingConfig:
     paper; keeps a decoder that has heard few voices from leaning on what is theirs alone."""
     losses: DiverseLosses | None = None
     """cdface: weights and shapes of its terms."""
-    head_spread: float = 0.5
+    head_spread: float = 1.5
     """cdface that starts from a network of one head: noise on the copies of that head, as a share
-    of the root mean square of its weights. Copies alone would never part."""
+    of the root mean square of its weights. Copies alone would never part; after 0.5 they part
+    slowly, for the push at a distance is in proportion to it."""
     fine_tune_speech: bool = True
     """Stage 2, and cdface's first part: train the speech encoder's transformer too; its
     convolutions stay frozen."""

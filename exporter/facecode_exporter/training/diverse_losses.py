@@ -27,14 +27,14 @@ class DiverseLosses:
     here, and what `half_at` and `every_sample` say, are choices of this project.
     """
 
-    diversity: float = 0.1
+    diversity: float = 0.3
     """Weight of exp(-d^2 / sigma) of the closest pair: "duplication-aware", a decreasing function
     of the minimum pairwise distance over the whole clip."""
-    half_at: float = 0.35
+    half_at: float = 0.45
     """Distance of the closest pair, as a share of the motion's root mean square, at which that term
-    is 0.5; it sets sigma. A far larger one pushes samples beyond what the codebook can say; heads
-    with fresh weights start near it."""
-    every_sample: float = 0.2
+    is 0.5; it sets sigma. With `diversity` and `every_sample` it says where samples settle: where
+    a step apart gains as much as it costs, here at about 0.8."""
+    every_sample: float = 0.12
     """Weight of the mean error of all samples. Zero is best-of-K alone, under which heads that
     never win hear nothing of the speech (relaxed winner-takes-all, Rupprecht et al. 2017)."""
     closure: float = 1.0

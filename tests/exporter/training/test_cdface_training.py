@@ -83,6 +83,22 @@ def test_deterministic_and_upper_face_first(data, tmp_path):
     assert (tmp_path / "lips2" / "losses.csv").read_text().splitlines()[1].split(",")[1] == "0"
 
 
+def test_heads_start_from_the_one_that_was_trained_alone(data, tmp_path):
+    assert train(data, tmp_path / "prior", "stage1", "lips") == 0
+    more = ("--stage1", tmp_path / "prior" / "stage1.pth.tar", *QUERY)
+    assert train(data, tmp_path / "one", "cdface", "lips", *more, "--samples", "1") == 0
+    start = ("--start", tmp_path / "one" / "stage2.pth.tar", "--epochs", "0")
+    assert train(data, tmp_path / "all", "cdface", "lips", *more, *start) == 0
+    one, all_heads = (
+        torch.load(tmp_path / n / "stage2.pth.tar", weights_only=True)["state_dict"]
+        for n in ("one", "all")
+    )
+    assert all(torch.equal(all_heads[n], v) for n, v in one.items() if "feat_map" not in n)
+    (name,) = (n for n in one if "feat_map" in n)
+    heads = all_heads[name].unflatten(0, (-1, len(one[name])))
+    assert heads.std(dim=0).mean() < one[name].std()
+
+
 def test_resumed_is_uninterrupted(data, tmp_path, monkeypatch):
     assert train(data, tmp_path / "one", "stage1", "lips") == 0
     more = ("--stage1", tmp_path / "one" / "stage1.pth.tar", *QUERY, "--epochs", "3")
