@@ -26,6 +26,7 @@ from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.diverse_losses import DiverseLosses
 from facecode_exporter.training.query import QueryStage, start_from_one
 from facecode_exporter.training.run import train
+from facecode_exporter.training.speech_rows import SpeechRows
 from facecode_exporter.training.stage1 import Stage1
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems.cdface_demo import SPEC
@@ -54,7 +55,7 @@ def stage1_config(corpus: Path, part: str) -> TrainingConfig:
 
 
 ONE_EPOCHS = {"lips": 20, "upper_face": 8}
-EPOCHS = {"lips": 16, "upper_face": 8}
+EPOCHS = {"lips": 12, "upper_face": 8}
 """Of the query networks, with one sample and then with all; the learning rate is halved at each
 quarter."""
 LOSSES = {
@@ -134,12 +135,16 @@ def train_diverse(
     for part in net.part_nets:
         train_prior(part, bases[part.part.name], corpus, work, progress)
     one = with_priors_of(net, variant(net.system, 1, upper_first=False))
+    heard = None
     for name, basis in bases.items():
-        train_query(one, one_config(corpus, name), basis, corpus, work / f"{name}-one", progress)
+        stage = query_stage(one, one_config(corpus, name), basis, corpus, heard)
+        train(stage, stage.config, work / f"{name}-one", progress)
+        heard = stage.speech
     for name, basis in bases.items():
         config = query_config(corpus, name)
         start_from_one(net.part_net(name), one.part_net(name), config.head_spread)
-        train_query(net, config, basis, corpus, work / f"{name}-query", progress)
+        stage = query_stage(net, config, basis, corpus, heard)
+        train(stage, config, work / f"{name}-query", progress)
     return net, bases
 
 
@@ -154,17 +159,16 @@ def with_priors_of(net: CDFace, system: SystemSpec) -> CDFace:
     return other
 
 
-def train_query(
+def query_stage(
     net: CDFace,
     config: TrainingConfig,
     basis: MotionBasis,
     corpus: Path,
-    folder: Path,
-    progress: bool,
-) -> None:
-    """Stage 2 of the part `config.part`."""
+    heard: SpeechRows | None = None,
+) -> QueryStage:
+    """Stage 2 of the part `config.part`; `heard`: speech that a stage before has encoded."""
     clips = corpus_clips(corpus, basis)
-    train(QueryStage(net, clips["train"], clips["val"], config), config, folder, progress)
+    return QueryStage(net, clips["train"], clips["val"], config, heard)
 
 
 def train_prior(net: PartNet, basis: MotionBasis, corpus: Path, work: Path, progress: bool) -> None:

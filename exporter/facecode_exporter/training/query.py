@@ -44,8 +44,23 @@ class QueryStage:
     terms = TERMS
 
     def __init__(
-        self, net: CDFace, train: PartClips, val: PartClips, config: TrainingConfig
+        self,
+        net: CDFace,
+        train: PartClips,
+        val: PartClips,
+        config: TrainingConfig,
+        speech: SpeechRows | None = None,
     ) -> None:
+        """Freeze all but one part.
+
+        Args:
+            net: the system.
+            train: clips of the part to learn from.
+            val: and to validate on.
+            config: with `losses` and `part`.
+            speech: of a stage before, over the same clips and the same frozen encoder, so that
+                nothing is encoded twice.
+        """
         assert config.losses is not None
         assert config.part is not None
         self.config, self.losses = config, config.losses
@@ -56,7 +71,7 @@ class QueryStage:
         self.net.requires_grad_(True)
         self.net.autoencoder.requires_grad_(False)
         self.splits = {"train": train, "val": val}
-        self.speech = SpeechRows(
+        self.speech = speech or SpeechRows(
             net.system, net.audio_encoder, dict(self.splits), place == 0 and config.fine_tune_speech
         )
         self.open = {
