@@ -61,7 +61,7 @@ quarter."""
 LOSSES = {
     "lips": DiverseLosses(),
     # Nothing that one hears says what the upper face does: its samples may differ more.
-    "upper_face": DiverseLosses(half_at=0.8, every_sample=0.1),
+    "upper_face": DiverseLosses(half_at=0.8, every_sample=0.06),
 }
 
 
