@@ -54,10 +54,10 @@ def stage1_config(corpus: Path, part: str) -> TrainingConfig:
     )
 
 
-ONE_EPOCHS = {"lips": 20, "upper_face": 8}
-EPOCHS = {"lips": 12, "upper_face": 8}
-"""Of the query networks, with one sample and then with all; the learning rate is halved at each
-quarter."""
+ONE_EPOCHS = {"lips": (20, 5), "upper_face": (4, 2)}
+EPOCHS = {"lips": (10, 3), "upper_face": (6, 2)}
+"""Of the query networks, with one sample and then with all, and after how many of them the learning
+rate is halved."""
 LOSSES = {
     "lips": DiverseLosses(),
     # Nothing that one hears says what the upper face does: its samples may differ more.
@@ -67,14 +67,15 @@ LOSSES = {
 
 def one_config(corpus: Path, part: str) -> TrainingConfig:
     """The setting of a part's query network with one sample, from which the others start."""
+    epochs, halve_every = ONE_EPOCHS[part]
     return TrainingConfig(
         stage="cdface",
         system=SPEC.name,
         data=corpus.name,
-        epochs=ONE_EPOCHS[part],
+        epochs=epochs,
         part=part,
         learning_rate=7e-4,
-        halve_every=ONE_EPOCHS[part] // 4,
+        halve_every=halve_every,
         batch_size=8,
         crop_frames=90,
         speech_dropout=0.2,
@@ -85,11 +86,9 @@ def one_config(corpus: Path, part: str) -> TrainingConfig:
 
 def query_config(corpus: Path, part: str) -> TrainingConfig:
     """The setting of a part's query network with all samples."""
+    epochs, halve_every = EPOCHS[part]
     return dataclasses.replace(
-        one_config(corpus, part),
-        epochs=EPOCHS[part],
-        halve_every=EPOCHS[part] // 4,
-        losses=LOSSES[part],
+        one_config(corpus, part), epochs=epochs, halve_every=halve_every, losses=LOSSES[part]
     )
 
 
