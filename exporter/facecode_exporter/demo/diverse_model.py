@@ -55,7 +55,7 @@ def stage1_config(corpus: Path, part: str) -> TrainingConfig:
 
 
 ONE_EPOCHS = {"lips": (20, 5), "upper_face": (4, 2)}
-EPOCHS = {"lips": (10, 3), "upper_face": (6, 2)}
+EPOCHS = {"lips": (6, 2), "upper_face": (4, 2)}
 """Of the query networks, with one sample and then with all, and after how many of them the learning
 rate is halved."""
 LOSSES = {
@@ -88,7 +88,11 @@ def query_config(corpus: Path, part: str) -> TrainingConfig:
     """The setting of a part's query network with all samples."""
     epochs, halve_every = EPOCHS[part]
     return dataclasses.replace(
-        one_config(corpus, part), epochs=epochs, halve_every=halve_every, losses=LOSSES[part]
+        one_config(corpus, part),
+        epochs=epochs,
+        halve_every=halve_every,
+        crop_frames=60,
+        losses=LOSSES[part],
     )
 
 

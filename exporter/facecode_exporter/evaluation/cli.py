@@ -55,6 +55,9 @@ def add_parser(commands: Commands) -> None:
     speech.add_argument("recordings", type=Path, metavar="RECORDINGS", help="wav or flac with .txt")
     speech.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
     _add_animation(speech, "the bundle's first")
+    speech.add_argument(
+        "--samples", type=_count, metavar="K", help="judge K faces, as <style>-<face> (default: 1)"
+    )
     speech.add_argument("--lip-pair", type=vertex_pair, metavar="U,L", help="default: the bundle's")
     speech.add_argument(
         "--reference",
@@ -161,6 +164,7 @@ def run_speech(args: argparse.Namespace) -> None:
         reference=reference,
         mode=args.mode,
         window=window,
+        samples=args.samples,
     ):
         clips.append(clip)
         _plot(clip, args.plots)
