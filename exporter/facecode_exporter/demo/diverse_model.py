@@ -55,13 +55,13 @@ def stage1_config(corpus: Path, part: str) -> TrainingConfig:
 
 
 ONE_EPOCHS = {"lips": (20, 5), "upper_face": (4, 2)}
-EPOCHS = {"lips": (6, 2), "upper_face": (4, 2)}
+EPOCHS = {"lips": (6, 2), "upper_face": (5, 2)}
 """Of the query networks, with one sample and then with all, and after how many of them the learning
 rate is halved."""
 LOSSES = {
     "lips": DiverseLosses(),
     # Nothing that one hears says what the upper face does: its samples may differ more.
-    "upper_face": DiverseLosses(half_at=0.8, every_sample=0.06),
+    "upper_face": DiverseLosses(diversity=0.4, half_at=0.8, every_sample=0.06),
 }
 
 
