@@ -34,7 +34,6 @@ LIP_WEIGHT, EYE_WEIGHT = 24.0, 5.0
 distances."""
 EYE_UNITS = ("eyeBlink", "brow")
 EYE_REACH_M = 1e-3
-BLINK_UNITS = ("eyeBlink",)
 GAZE_UNITS = ("eyeLook",)
 """Not in the motion of a whole face: nothing that one hears says where the eyes go, and codes that
 hold lips and gaze together are lost between two gazes."""
@@ -71,7 +70,6 @@ class MotionBasis:
         spread = along * unit_spread[:, None]
         self._scale = float(np.sqrt(np.square(spread).sum() / len(self._rows)))
         self._from_units = along / self._scale
-        self._blinks = np.linalg.qr(self._from_units[_named(BLINK_UNITS)].T)[0]
 
     def coefficients(self, unit_weights: AnyArray) -> Float32:
         """Face-unit weights (T, 52) to coefficients (T, 3K)."""
@@ -86,12 +84,6 @@ class MotionBasis:
     def decode(self) -> Tensor:
         """(3V, 3K): offsets = decode @ coefficients."""
         return torch.from_numpy((self._rows / self._root).T * self._scale)
-
-    @property
-    def but_blinks(self) -> Float32:
-        """(3K, 3K): the projection of coefficients that leaves out the motion of blinks."""
-        kept = np.eye(len(self._rows)) - self._blinks @ self._blinks.T
-        return np.asarray(kept, dtype=np.float32)
 
     def system(self, full: SystemSpec) -> SystemSpec:
         """`full` on coefficients in place of vertices."""
@@ -142,7 +134,6 @@ class CorpusClips:
     ) -> None:
         self.corpus, self.styles = corpus, styles
         self.names = clip_names(corpus, split)
-        self.basis = basis
         self._offsets = [basis.coefficients(load_weights(corpus, name)) for name in self.names]
 
     def offsets(self, index: int) -> Float32:
@@ -156,10 +147,6 @@ class CorpusClips:
     def style(self, index: int) -> int:
         """The style that the clip's name begins with."""
         return self.styles.index(self.names[index].rpartition("_")[0])
-
-    def varied(self) -> Float32:
-        """(3K, 3K): all but blinks. Samples that differ most have their eyes shut throughout."""
-        return self.basis.but_blinks
 
     def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
         """(T,) of each clip: whether the mouth is open, by the distance of LIP_PAIR."""

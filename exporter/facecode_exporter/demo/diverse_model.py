@@ -61,7 +61,7 @@ rate is halved."""
 LOSSES = {
     "lips": DiverseLosses(),
     # Nothing that one hears says what the upper face does: its samples may differ more.
-    "upper_face": DiverseLosses(diversity=0.4, half_at=0.8, every_sample=0.06),
+    "upper_face": DiverseLosses(half_at=0.8, every_sample=0.06),
 }
 
 

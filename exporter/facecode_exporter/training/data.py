@@ -101,10 +101,6 @@ class FolderPart:
         """As of the whole face."""
         return self.clips.style(index)
 
-    def varied(self) -> Float32 | None:
-        """All directions."""
-        return None
-
     def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
         """(T,) of each clip: True where the true mouth is open."""
         data = self.clips.data

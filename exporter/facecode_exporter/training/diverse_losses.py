@@ -63,7 +63,6 @@ def diverse_terms(
     vectors: Tensor,
     true_vectors: Tensor,
     half_at: float,
-    varied: Tensor | None = None,
 ) -> list[Tensor]:
     """The terms of TERMS, unweighted.
 
@@ -75,9 +74,7 @@ def diverse_terms(
         vectors: their nearest code vectors.
         true_vectors: (B, T, H, C) code vectors of the truth.
         half_at: of `DiverseLosses`.
-        varied: (3V, 3V) projection of motion onto what diversity counts; None: all.
     """
-    counted = samples if varied is None else samples @ varied
     error = (samples - truth[:, None]).square().mean(dim=-1)
     per_sample = error.mean(dim=-1)
     smallest, best = per_sample.min(dim=1)
@@ -85,7 +82,7 @@ def diverse_terms(
     bound = torch.where(_is_sample(best, samples.shape[1]), 1.0, closed)
     to_truth = (features - true_vectors.detach()[:, None]).square().mean(dim=(-2, -1))
     return [
-        diversity(counted * open_mouth[:, None, :, None], half_at),
+        diversity(samples * open_mouth[:, None, :, None], half_at),
         smallest.mean(),
         per_sample.mean(),
         (closed * error).mean(dim=(0, 2)).sum(),

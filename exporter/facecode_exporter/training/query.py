@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode.arrays import Float32
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.training.config import TrainingConfig
@@ -37,9 +36,6 @@ class PartClips(Clips, Protocol):
 
     def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
         """(T,) of each clip: whether the true mouth is open; see `openings.open_frames`."""
-
-    def varied(self) -> Float32 | None:
-        """(3V, 3V): projection onto what diversity counts beside the lips; None: all."""
 
 
 class QueryStage:
@@ -81,8 +77,6 @@ class QueryStage:
         self.open = {
             s: clips.open_mouth(self.losses.closed_below) for s, clips in self.splits.items()
         }
-        varied = None if config.part == LIPS else train.varied()
-        self.varied = None if varied is None else torch.from_numpy(varied)
         self.unit = root_mean_square(train)
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
@@ -130,7 +124,7 @@ class QueryStage:
         samples = decoded.unflatten(0, features.shape[:2])
         return diverse_terms(
             *(samples / self.unit, truth / self.unit, open_mouth),
-            *(features, vectors, true_vectors, self.losses.half_at, self.varied),
+            *(features, vectors, true_vectors, self.losses.half_at),
         )
 
     def _features(self, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:

@@ -47,16 +47,6 @@ def test_coefficients_of_a_part_hold_all_of_its_motion(head, bases, weights):
     assert bases["upper_face"].n_vertices < 18  # units that leave it still cost nothing
 
 
-def test_diversity_of_the_upper_face_does_not_count_blinks(bases):
-    basis = bases["upper_face"]
-    blink, brows = (
-        basis.coefficients(unit_weights(**unit)[None])
-        for unit in ({"eyeBlink": 1}, {"browInnerUp": 1})
-    )
-    assert np.abs(blink @ basis.but_blinks).max() < 1e-4 * np.abs(blink).max()
-    assert np.linalg.norm(brows @ basis.but_blinks) > 0.8 * np.linalg.norm(brows)
-
-
 def test_lifted_layers_compute_what_the_small_ones_do(head, bases, weights, nets):
     offsets = head.offsets(weights)
     for small, full in zip(nets[0].part_nets, nets[1].part_nets, strict=True):

@@ -95,19 +95,6 @@ def test_codes_of_the_truth_bind_the_best_sample_and_closed_frames(batch):
     torch.testing.assert_close(pull, torch.full_like(pull, float(pull.mean())))
 
 
-def test_what_does_not_count_as_diversity_is_not_pushed(batch):
-    samples, truth, open_mouth = batch
-    varied = torch.eye(WIDE)
-    varied[0, 0] = 0
-    features = features_of(0)
-    terms = diverse_terms(
-        samples, truth, open_mouth, features, features, features[:, 0], 1.0, varied
-    )
-    terms[0].backward()
-    assert (samples.grad[..., 0] == 0).all()
-    assert samples.grad[..., 1:].any()
-
-
 def test_diversity_is_half_where_it_is_said_to_be_and_knows_no_length():
     for n_frames in (1, 7):
         pair = torch.stack([torch.zeros(n_frames, 3), torch.full((n_frames, 3), 0.2)])[None]
