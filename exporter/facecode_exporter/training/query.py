@@ -124,7 +124,8 @@ class QueryStage:
         samples = decoded.unflatten(0, features.shape[:2])
         return diverse_terms(
             *(samples / self.unit, truth / self.unit, open_mouth),
-            *(features, vectors, true_vectors, self.losses.half_at),
+            *(features, vectors, true_vectors),
+            self.losses.half_at,
         )
 
     def _features(self, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
