@@ -24,7 +24,7 @@ from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.diverse_losses import DiverseLosses
-from facecode_exporter.training.query import QueryStage, start_from_one
+from facecode_exporter.training.query import QueryStage, sort_heads, start_from_one
 from facecode_exporter.training.run import train
 from facecode_exporter.training.speech_rows import SpeechRows
 from facecode_exporter.training.stage1 import Stage1
@@ -143,11 +143,16 @@ def train_diverse(
         stage = query_stage(one, one_config(corpus, name), basis, corpus, heard)
         train(stage, stage.config, work / f"{name}-one", progress)
         heard = stage.speech
+    stages: dict[str, QueryStage] = {}
     for name, basis in bases.items():
         config = query_config(corpus, name)
         start_from_one(net.part_net(name), one.part_net(name), config.head_spread)
-        stage = query_stage(net, config, basis, corpus, heard)
-        train(stage, config, work / f"{name}-query", progress)
+        stages[name] = query_stage(net, config, basis, corpus, heard)
+        train(stages[name], config, work / f"{name}-query", progress)
+    torch.manual_seed(0)
+    errors = {name: stages[name].head_errors() for name in bases}
+    for name in bases:
+        sort_heads(net.part_net(name), errors[name])
     return net, bases
 
 

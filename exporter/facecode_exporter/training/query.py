@@ -101,32 +101,51 @@ class QueryStage:
             n_frames += length
         return list(sums / n_frames)
 
+    @torch.no_grad()
+    def head_errors(self) -> Tensor:
+        """(K,) mean squared error of each head over the validation clips, each clip alike."""
+        self.trained.eval()
+        sums = torch.zeros(self.net.part.n_samples)
+        for i, length in enumerate(self.speech.lengths["val"]):
+            group = [(i, 0, length)]
+            (samples,) = self._decoded(self._said("val", group)[1])
+            sums += (samples - self._truth("val", group)).square().mean(dim=(1, 2))
+        return sums / len(self.speech.lengths["val"])
+
     def _terms(self, split: str, group: list[Crop]) -> list[Tensor]:
-        clips = self.splits[split]
-        truth = _stack([clips.offsets(i)[a : a + n] for i, a, n in group])
+        truth = self._truth(split, group)
         open_mouth = _stack([self.open[split][i][a : a + n] for i, a, n in group]).float()
         if not (self.losses.mask and self.net.part.name == LIPS):
             open_mouth = torch.ones_like(open_mouth)
-        styles = torch.tensor([clips.style(i) for i, _, _ in group])
-        speech = self.speech.batch(split, group)
-        conditions = self._conditions(speech, styles)
-        speech = F.dropout(speech, self.config.speech_dropout, training=self.net.training)
-        features = self._features(self.net.audio_feature_map(speech), styles, conditions)
-        return self._compare(truth, open_mouth, features)
-
-    def _compare(self, truth: Tensor, open_mouth: Tensor, features: Tensor) -> list[Tensor]:
-        """The terms for true offsets (B, T, 3V) and predicted features (B, K, T, H, C)."""
+        features, vectors = self._said(split, group)
+        samples = self._decoded(straight_through(features, vectors))
         prior = self.net.autoencoder
         with torch.no_grad():
             true_vectors = prior.quantize.look_up(prior.quantize(prior.encoder(truth)))
-        vectors = prior.quantize.look_up(prior.quantize(features))
-        decoded = prior.decoder(straight_through(features, vectors).flatten(0, 1))
-        samples = decoded.unflatten(0, features.shape[:2])
         return diverse_terms(
             *(samples / self.unit, truth / self.unit, open_mouth),
             *(features, vectors, true_vectors),
             self.losses.half_at,
         )
+
+    def _truth(self, split: str, group: list[Crop]) -> Tensor:
+        """(B, T, 3V) of the crops."""
+        return _stack([self.splits[split].offsets(i)[a : a + n] for i, a, n in group])
+
+    def _said(self, split: str, group: list[Crop]) -> tuple[Tensor, Tensor]:
+        """Features (B, K, T, H, C) of all heads, and their nearest code vectors."""
+        styles = torch.tensor([self.splits[split].style(i) for i, _, _ in group])
+        speech = self.speech.batch(split, group)
+        conditions = self._conditions(speech, styles)
+        speech = F.dropout(speech, self.config.speech_dropout, training=self.net.training)
+        features = self._features(self.net.audio_feature_map(speech), styles, conditions)
+        quantize = self.net.autoencoder.quantize
+        return features, quantize.look_up(quantize(features))
+
+    def _decoded(self, vectors: Tensor) -> Tensor:
+        """Code vectors (B, K, T, H, C) to offsets (B, K, T, 3V)."""
+        decoded: Tensor = self.net.autoencoder.decoder(vectors.flatten(0, 1))
+        return decoded.unflatten(0, vectors.shape[:2])
 
     def _features(self, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
         """(B, K, T, H, C): without a past for half of the clips, with its own for the others."""
@@ -207,6 +226,13 @@ def start_from_one(net: PartNet, one: PartNet, spread: float) -> None:
     noise = torch.randn(k, *head.shape, generator=torch.Generator().manual_seed(0))
     heads = head + spread * head.square().mean().sqrt() * noise
     net.load_state_dict({**state, "feat_map.weight": heads.flatten(0, 1)})
+
+
+@torch.no_grad()
+def sort_heads(net: PartNet, errors: Tensor) -> None:
+    """Put the head of the smallest error (K,) first: one face alone is that of head 0."""
+    heads = net.feat_map.weight.unflatten(0, (net.part.n_samples, -1))
+    net.feat_map.weight.copy_(heads[errors.argsort()].flatten(0, 1))
 
 
 def root_mean_square(clips: Clips) -> float:
