@@ -19,17 +19,23 @@ from facecode_exporter.demo.face_parts import part_vertices
 from facecode_exporter.demo.head import load_head
 from facecode_exporter.demo.model import LICENCE, neutral_of
 from facecode_exporter.demo.whisper_wheel import whisper_weights
+from facecode_exporter.face_parts import variant
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.diverse_losses import DiverseLosses
-from facecode_exporter.training.query import QueryStage
+from facecode_exporter.training.query import QueryStage, sort_heads, start_from_one
 from facecode_exporter.training.run import train
+from facecode_exporter.training.speech_rows import SpeechRows
 from facecode_exporter.training.stage1 import Stage1
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems.cdface_demo import SPEC
 
 Bases = Mapping[str, MotionBasis]
+
+
+PRIOR_EPOCHS = {"lips": 32, "upper_face": 24}
+"""Of the motion priors; the learning rate is halved at each quarter."""
 
 
 def stage1_config(corpus: Path, part: str) -> TrainingConfig:
@@ -38,34 +44,55 @@ def stage1_config(corpus: Path, part: str) -> TrainingConfig:
         stage="stage1",
         system=SPEC.name,
         data=corpus.name,
-        epochs=24,
+        epochs=PRIOR_EPOCHS[part],
         part=part,
         learning_rate=1e-3,
-        halve_every=6,
+        halve_every=PRIOR_EPOCHS[part] // 4,
         batch_size=16,
         crop_frames=96,
         revive_codes=True,
     )
 
 
-EPOCHS = {"lips": 9, "upper_face": 6}
-"""Of the query networks; the learning rate is halved at each third."""
+ONE_EPOCHS = {"lips": (20, 5), "upper_face": (4, 2)}
+EPOCHS = {"lips": (6, 2), "upper_face": (5, 2)}
+"""Of the query networks, with one sample and then with all, and after how many of them the learning
+rate is halved."""
+LOSSES = {
+    "lips": DiverseLosses(),
+    # Nothing that one hears says what the upper face does: its samples may differ more.
+    "upper_face": DiverseLosses(half_at=0.8, every_sample=0.06),
+}
 
 
-def query_config(corpus: Path, part: str) -> TrainingConfig:
-    """The setting of a part's query network."""
+def one_config(corpus: Path, part: str) -> TrainingConfig:
+    """The setting of a part's query network with one sample, from which the others start."""
+    epochs, halve_every = ONE_EPOCHS[part]
     return TrainingConfig(
         stage="cdface",
         system=SPEC.name,
         data=corpus.name,
-        epochs=EPOCHS[part],
+        epochs=epochs,
         part=part,
-        learning_rate=1e-3,
-        halve_every=EPOCHS[part] // 3,
-        batch_size=16,
+        learning_rate=7e-4,
+        halve_every=halve_every,
+        batch_size=8,
         crop_frames=90,
-        losses=DiverseLosses(),
+        speech_dropout=0.2,
+        losses=DiverseLosses(every_sample=0.2),
         fine_tune_speech=False,
+    )
+
+
+def query_config(corpus: Path, part: str) -> TrainingConfig:
+    """The setting of a part's query network with all samples."""
+    epochs, halve_every = EPOCHS[part]
+    return dataclasses.replace(
+        one_config(corpus, part),
+        epochs=epochs,
+        halve_every=halve_every,
+        crop_frames=60,
+        losses=LOSSES[part],
     )
 
 
@@ -110,13 +137,46 @@ def train_diverse(
     net.audio_encoder.load_state_dict(whisper_weights(whisper_wheel))
     for part in net.part_nets:
         train_prior(part, bases[part.part.name], corpus, work, progress)
-    for part in net.part_nets:
-        name = part.part.name
-        clips = corpus_clips(corpus, bases[name])
+    one = with_priors_of(net, variant(net.system, 1, upper_first=False))
+    heard = None
+    for name, basis in bases.items():
+        stage = query_stage(one, one_config(corpus, name), basis, corpus, heard)
+        train(stage, stage.config, work / f"{name}-one", progress)
+        heard = stage.speech
+    stages: dict[str, QueryStage] = {}
+    for name, basis in bases.items():
         config = query_config(corpus, name)
-        stage = QueryStage(net, clips["train"], clips["val"], config)
-        train(stage, config, work / f"{name}-query", progress)
+        start_from_one(net.part_net(name), one.part_net(name), config.head_spread)
+        stages[name] = query_stage(net, config, basis, corpus, heard)
+        train(stages[name], config, work / f"{name}-query", progress)
+    torch.manual_seed(0)
+    errors = {name: stages[name].head_errors() for name in bases}
+    for name in bases:
+        sort_heads(net.part_net(name), errors[name])
     return net, bases
+
+
+def with_priors_of(net: CDFace, system: SystemSpec) -> CDFace:
+    """A fresh network of `system` with the speech encoder and the motion priors of `net`."""
+    torch.manual_seed(0)
+    other = CDFace(system)
+    other.audio_encoder.load_state_dict(net.audio_encoder.state_dict())
+    for part in net.part_nets:
+        own = other.part_net(part.part.name)
+        own.autoencoder.load_state_dict(part.autoencoder.state_dict())
+    return other
+
+
+def query_stage(
+    net: CDFace,
+    config: TrainingConfig,
+    basis: MotionBasis,
+    corpus: Path,
+    heard: SpeechRows | None = None,
+) -> QueryStage:
+    """Stage 2 of the part `config.part`; `heard`: speech that a stage before has encoded."""
+    clips = corpus_clips(corpus, basis)
+    return QueryStage(net, clips["train"], clips["val"], config, heard)
 
 
 def train_prior(net: PartNet, basis: MotionBasis, corpus: Path, work: Path, progress: bool) -> None:

@@ -56,6 +56,9 @@ def add_parser(commands: Commands) -> None:
     speech.add_argument("recordings", type=Path, metavar="RECORDINGS", help="wav or flac with .txt")
     speech.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
     _add_animation(speech, "the bundle's first")
+    speech.add_argument(
+        "--samples", type=_count, metavar="K", help="judge K faces, as <style>-<face> (default: 1)"
+    )
     speech.add_argument("--lip-pair", type=vertex_pair, metavar="U,L", help="default: the bundle's")
     speech.add_argument(
         "--reference",
@@ -71,6 +74,10 @@ def add_parser(commands: Commands) -> None:
     _add_data(diversity)
     diversity.add_argument("--samples", type=_count, default=5, metavar="K", help="default: 5")
     diversity.add_argument("--hold", metavar="PART", help="keep its first sample, vary the rest")
+    diversity.add_argument(
+        "--tau", type=float, metavar="TAU", help="baseline: a model of one sample draws its codes"
+    )
+    diversity.add_argument("--clips", type=_count, metavar="N", help="the first N; default: all")
     diversity.add_argument("--plots", type=Path, metavar="DIR", help="lip distances of the samples")
     diversity.add_argument("--threads", type=_count, metavar="N", help="default: all cores")
 
@@ -158,6 +165,7 @@ def run_speech(args: argparse.Namespace) -> None:
         reference=reference,
         mode=args.mode,
         window=window,
+        samples=args.samples,
     ):
         clips.append(clip)
         _plot(clip, args.plots)
@@ -185,10 +193,12 @@ def run_diversity(args: argparse.Namespace) -> None:
     animator = facecode.load(args.bundle, threads=args.threads)
     regions = read_regions(args.lips, args.upper_face, animator.bundle)
     data = open_data_set(args.data, args.dataset, args.split)
-    takes = distances.takes_of(data, animator, None)
+    takes = distances.takes_of(data, animator, None)[: args.clips]
     bar = _bar("animate", args.quiet)
     scored = list(
-        diversity.score_faces(animator, takes, data, regions, args.samples, args.hold, bar)
+        diversity.score_faces(
+            *(animator, takes, data, regions, args.samples, args.hold, bar), tau=args.tau
+        )
     )
     if args.plots is not None:
         take = takes[0]
@@ -196,6 +206,7 @@ def run_diversity(args: argparse.Namespace) -> None:
         pair = require_lip_pair(animator, None)
         diversity.plot_lip_distances(faces, pair, args.plots / f"{take.clip}_lip_distances.png")
     about = {"bundle": animator.manifest.name, "samples": args.samples, "hold": args.hold}
+    about["tau"] = args.tau
     plain = {**about, **_about(args, data), **report.diversity_plain(scored)}
     _deliver(plain, report.diversity_table(scored, animator.manifest.unit), args.json)
 

@@ -18,6 +18,7 @@ from facecode.animation import Animation
 from facecode.animator import Animator
 from facecode.arrays import AnyArray
 from facecode_exporter.errors import EvaluationError
+from facecode_exporter.evaluation.code_sampling import drawing, drawn_faces
 from facecode_exporter.evaluation.data_set import DataSet
 from facecode_exporter.evaluation.distances import Progress, Take
 from facecode_exporter.evaluation.lip_sync import opening_curve
@@ -97,26 +98,34 @@ def score_faces(
     n_faces: int,
     hold: str | None,
     progress: Progress[Take],
+    tau: float | None = None,
 ) -> Iterator[tuple[Take, DiversityScore]]:
     """Animate the speech of a data set `n_faces` times, and score.
 
     Args:
-        animator: a bundle with a part of several samples.
+        animator: a bundle with a part of several samples, or of one sample with `tau`.
         takes: of `takes_of`.
         data: captured or generated faces.
         regions: lips and upper face.
         n_faces: how many.
         hold: a part that keeps the codes of its first sample; None: all vary.
         progress: wraps the list of work.
+        tau: the baseline instead, a model that draws its codes; see `code_sampling`.
 
     Raises:
         EvaluationError, SampleError, ModeError.
     """
+    if tau is not None:
+        animator = drawing(animator, tau)
     for take in progress(takes):
         speech, template = data.speech(take.clip), data.template(take.clip)
-        held = {hold: animator.animate(speech, take.style)} if hold is not None else None
-        faces = animator.animate(speech, take.style, samples=n_faces, hold=held, template=template)
-        vertices = np.stack([face.vertices for face in faces])
+        if tau is not None:
+            vertices = drawn_faces(animator, speech, take.style, template, n_faces)
+        else:
+            held = {hold: animator.animate(speech, take.style)} if hold is not None else None
+            vertices = animator.animate(
+                speech, take.style, samples=n_faces, hold=held, template=template
+            ).vertices
         yield take, diversity_score(vertices, data.truth(take.clip), regions)
 
 

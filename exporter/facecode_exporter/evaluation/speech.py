@@ -80,6 +80,7 @@ def judge_speech(
     reference: ReferenceSource = lambda _, __: None,
     mode: Mode = "exact",
     window: int | None = None,
+    samples: int | None = None,
 ) -> Iterator[SpokenClip]:
     """Animate every recording in every style, and measure.
 
@@ -92,12 +93,19 @@ def judge_speech(
         reference: motion to compare with; none by default.
         mode: of `Animator.animate`.
         window: of `Animator.animate`.
+        samples: how many faces of each, every one judged as the style `<style>-<face>`; by default
+            one, as the style itself.
     """
     lips = animator.bundle.region(LIPS) if LIPS in animator.manifest.regions else None
     for recording, style in progress([(r, s) for s in styles for r in recordings]):
-        clip = animator.animate(recording.path, style, mode=mode, window=window)
         compared = reference(recording, style)
-        yield measure(clip, recording, style, lip_pair, lips, compared)
+        if samples is None:
+            clip = animator.animate(recording.path, style, mode=mode, window=window)
+            yield measure(clip, recording, style, lip_pair, lips, compared)
+            continue
+        faces = animator.animate(recording.path, style, mode=mode, window=window, samples=samples)
+        for k, face in enumerate(faces):
+            yield measure(face, recording, f"{style}-{k}", lip_pair, lips, compared)
 
 
 def measure(

@@ -33,6 +33,10 @@ class CDFace(nn.Module):
         """The networks of the parts, in the order in which they run."""
         return tuple(cast(PartNet, net) for net in self.parts.values())
 
+    def part_net(self, name: str) -> PartNet:
+        """The network of one part."""
+        return cast(PartNet, self.parts[name])
+
 
 Trained: TypeAlias = CodeTalker | CDFace
 """A trained system: `system`, `audio_encoder`, `part_nets`."""

@@ -17,13 +17,13 @@ from facecode_exporter.checkpoints import (
     save_stage2,
 )
 from facecode_exporter.errors import RunError
-from facecode_exporter.face_parts import divided
+from facecode_exporter.face_parts import divided, variant
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.training.config import TrainingConfig, cdface_defaults, stage1_defaults
 from facecode_exporter.training.data import FolderClips, FolderPart
 from facecode_exporter.training.diverse_losses import DiverseLosses
-from facecode_exporter.training.query import QueryStage
+from facecode_exporter.training.query import QueryStage, start_from_one
 from facecode_exporter.training.run import train
 from facecode_exporter.training.speech_weights import load_wav2vec2
 from facecode_exporter.training.stage1 import Stage1
@@ -69,18 +69,28 @@ def _train_query(
     val_clips: FolderPart,
     config: TrainingConfig,
 ) -> Path:
-    first, part = net.part_nets[0], net.parts[str(config.part)]
-    assert isinstance(part, PartNet)
+    first, part = net.part_nets[0], net.part_net(str(config.part))
     load_stage1(part.autoencoder, args.stage1)
     if part is not first:
         load_part(first, *args.earlier)
         load_encoder(net.audio_encoder, args.earlier[1])
     elif args.speech_encoder is not None:
         load_wav2vec2(net.audio_encoder, args.speech_encoder)
+    if args.start is not None:
+        _start(args, net, part, config)
     train(QueryStage(net, train_clips, val_clips, config), config, args.out, not args.quiet)
     out: Path = args.out / "stage2.pth.tar"
     save_stage2(part, net.audio_encoder, out)
     return out
+
+
+def _start(args: argparse.Namespace, net: CDFace, part: PartNet, config: TrainingConfig) -> None:
+    """All heads from the one head of --start, and the first part's speech encoder."""
+    one = CDFace(variant(net.system, 1, upper_first=False)).part_net(part.part.name)
+    load_part(one, args.stage1, args.start)
+    start_from_one(part, one, config.head_spread)
+    if part is net.part_nets[0]:
+        load_encoder(net.audio_encoder, args.start)
 
 
 def _check(args: argparse.Namespace, system: SystemSpec) -> None:

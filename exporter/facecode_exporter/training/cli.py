@@ -66,6 +66,12 @@ def _add_part_options(train: argparse.ArgumentParser) -> None:
         metavar=("STAGE1", "STAGE2"),
         help="cdface, second part: the checkpoints of the first",
     )
+    train.add_argument(
+        "--start",
+        type=Path,
+        metavar="STAGE2",
+        help="cdface: the part trained with --samples 1, which all heads start from",
+    )
     train.add_argument("--lip-pair", type=vertex_pair, metavar="U,L", help="cdface: inner lips")
     train.add_argument(
         "--no-mask", action="store_true", help="cdface: samples may differ in closures too"

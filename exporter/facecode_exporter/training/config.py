@@ -46,13 +46,17 @@ class TrainingConfig:
     network says without one. Not in the paper; a small network that is taught on the true past
     learns to go on with it rather than to listen."""
     speech_dropout: float = 0.0
-    """Stage 2: share of the speech features that are dropped in training. Not in the paper; keeps a
-    decoder that has heard few voices from leaning on what is theirs alone."""
+    """Stage 2 and cdface: share of the speech features that are dropped in training. Not in the
+    paper; keeps a decoder that has heard few voices from leaning on what is theirs alone."""
     closed_weight: float = 1.0
     """Stage 2: how many times a frame counts in which the true mouth is closed. Not in the paper;
     short closures are few frames, and a mean over all leaves them half open."""
     losses: DiverseLosses | None = None
     """cdface: weights and shapes of its terms."""
+    head_spread: float = 1.5
+    """cdface that starts from a network of one head: noise on the copies of that head, as a share
+    of the root mean square of its weights. Copies alone would never part; after 0.5 they part
+    slowly, for the push at a distance is in proportion to it."""
     fine_tune_speech: bool = True
     """Stage 2, and cdface's first part: train the speech encoder's transformer too; its
     convolutions stay frozen."""

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
@@ -43,8 +44,23 @@ class QueryStage:
     terms = TERMS
 
     def __init__(
-        self, net: CDFace, train: PartClips, val: PartClips, config: TrainingConfig
+        self,
+        net: CDFace,
+        train: PartClips,
+        val: PartClips,
+        config: TrainingConfig,
+        speech: SpeechRows | None = None,
     ) -> None:
+        """Freeze all but one part.
+
+        Args:
+            net: the system.
+            train: clips of the part to learn from.
+            val: and to validate on.
+            config: with `losses` and `part`.
+            speech: of a stage before, over the same clips and the same frozen encoder, so that
+                nothing is encoded twice.
+        """
         assert config.losses is not None
         assert config.part is not None
         self.config, self.losses = config, config.losses
@@ -55,7 +71,7 @@ class QueryStage:
         self.net.requires_grad_(True)
         self.net.autoencoder.requires_grad_(False)
         self.splits = {"train": train, "val": val}
-        self.speech = SpeechRows(
+        self.speech = speech or SpeechRows(
             net.system, net.audio_encoder, dict(self.splits), place == 0 and config.fine_tune_speech
         )
         self.open = {
@@ -85,48 +101,76 @@ class QueryStage:
             n_frames += length
         return list(sums / n_frames)
 
+    @torch.no_grad()
+    def head_errors(self) -> Tensor:
+        """(K,) mean squared error of each head over the validation clips, each clip alike."""
+        self.trained.eval()
+        sums = torch.zeros(self.net.part.n_samples)
+        for i, length in enumerate(self.speech.lengths["val"]):
+            group = [(i, 0, length)]
+            (samples,) = self._decoded(self._said("val", group)[1])
+            sums += (samples - self._truth("val", group)).square().mean(dim=(1, 2))
+        return sums / len(self.speech.lengths["val"])
+
     def _terms(self, split: str, group: list[Crop]) -> list[Tensor]:
-        clips = self.splits[split]
-        truth = _stack([clips.offsets(i)[a : a + n] for i, a, n in group])
+        truth = self._truth(split, group)
         open_mouth = _stack([self.open[split][i][a : a + n] for i, a, n in group]).float()
         if not (self.losses.mask and self.net.part.name == LIPS):
             open_mouth = torch.ones_like(open_mouth)
-        styles = torch.tensor([clips.style(i) for i, _, _ in group])
-        speech = self.speech.batch(split, group)
-        features = self._features(speech, styles, self._conditions(speech, styles))
-        quantize, decoder = self.net.autoencoder.quantize, self.net.autoencoder.decoder
-        vectors = quantize.look_up(quantize(features))
-        decoded = decoder(straight_through(features, vectors).flatten(0, 1))
-        samples = decoded.unflatten(0, features.shape[:2])
+        features, vectors = self._said(split, group)
+        samples = self._decoded(straight_through(features, vectors))
+        prior = self.net.autoencoder
+        with torch.no_grad():
+            true_vectors = prior.quantize.look_up(prior.quantize(prior.encoder(truth)))
         return diverse_terms(
             *(samples / self.unit, truth / self.unit, open_mouth),
-            *(features, vectors, self.losses.half_at),
+            *(features, vectors, true_vectors),
+            self.losses.half_at,
         )
 
-    def _features(self, speech: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
+    def _truth(self, split: str, group: list[Crop]) -> Tensor:
+        """(B, T, 3V) of the crops."""
+        return _stack([self.splits[split].offsets(i)[a : a + n] for i, a, n in group])
+
+    def _said(self, split: str, group: list[Crop]) -> tuple[Tensor, Tensor]:
+        """Features (B, K, T, H, C) of all heads, and their nearest code vectors."""
+        styles = torch.tensor([self.splits[split].style(i) for i, _, _ in group])
+        speech = self.speech.batch(split, group)
+        conditions = self._conditions(speech, styles)
+        speech = F.dropout(speech, self.config.speech_dropout, training=self.net.training)
+        features = self._features(self.net.audio_feature_map(speech), styles, conditions)
+        quantize = self.net.autoencoder.quantize
+        return features, quantize.look_up(quantize(features))
+
+    def _decoded(self, vectors: Tensor) -> Tensor:
+        """Code vectors (B, K, T, H, C) to offsets (B, K, T, 3V)."""
+        decoded = self.net.autoencoder.decoder(vectors.flatten(0, 1))
+        return cast(Tensor, decoded.unflatten(0, vectors.shape[:2]))
+
+    def _features(self, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
         """(B, K, T, H, C): without a past for half of the clips, with its own for the others."""
-        half = (len(speech) + int(torch.randint(2, ()))) // 2 if self.net.training else 0
+        half = (len(memory) + int(torch.randint(2, ()))) // 2 if self.net.training else 0
         said = []
         if half > 0:
             before = _rows(conditions, slice(half))
-            said.append(heard(self.net, speech[:half], styles[:half], before))
-        if half < len(speech):
+            said.append(heard(self.net, memory[:half], styles[:half], before))
+        if half < len(memory):
             after = _rows(conditions, slice(half, None))
-            said.append(self._with_own_past(speech[half:], styles[half:], after))
+            said.append(self._with_own_past(memory[half:], styles[half:], after))
         return torch.cat(said)
 
     def _with_own_past(
-        self, speech: Tensor, styles: Tensor, conditions: dict[str, Tensor]
+        self, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]
     ) -> Tensor:
         """(B, K, T, H, C): every sample goes on from what its own head says without a past."""
         with torch.no_grad():
-            first = heard(self.net, speech, styles, conditions)
+            first = heard(self.net, memory, styles, conditions)
             _, past = self.net.autoencoder.decode_features(first.flatten(0, 1))
         k = self.net.part.n_samples
-        sample = torch.arange(k).repeat(len(speech))
-        speech, styles = (x.repeat_interleave(k, dim=0) for x in (speech, styles))
+        sample = torch.arange(k).repeat(len(memory))
+        memory, styles = (x.repeat_interleave(k, dim=0) for x in (memory, styles))
         conditions = {n: c.repeat_interleave(k, dim=0) for n, c in conditions.items()}
-        features = continued(self.net, speech, styles, conditions, past, sample)
+        features = continued(self.net, memory, styles, conditions, past, sample)
         return cast(Tensor, features.unflatten(0, (-1, k)))
 
     @torch.no_grad()
@@ -134,27 +178,28 @@ class QueryStage:
         """Code vectors of the earlier parts, of one random sample of each for every clip."""
         vectors: dict[str, Tensor] = {}
         for net in self.earlier:
+            memory = net.audio_feature_map(speech)
             picked = torch.randint(net.part.n_samples, (len(speech),))
-            first = heard(net, speech, styles, vectors)[torch.arange(len(speech)), picked]
+            first = heard(net, memory, styles, vectors)[torch.arange(len(speech)), picked]
             _, past = net.autoencoder.decode_features(first)
-            features = continued(net, speech, styles, vectors, past, picked)
+            features = continued(net, memory, styles, vectors, past, picked)
             quantize = net.autoencoder.quantize
             vectors[net.part.name] = quantize.look_up(quantize(features))
         return vectors
 
 
-def heard(net: PartNet, speech: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
-    """Features (B, K, T, H, C) of all heads with no past at all."""
+def heard(net: PartNet, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
+    """Features (B, K, T, H, C) of all heads with no past at all, over memory (B, T * rows, D)."""
     n_rows = net.system.speech_encoder.memory_rows_per_frame
-    n_frames = speech.shape[1] // n_rows
-    past = speech.new_zeros(len(speech), n_frames - 1, 3 * net.n_vertices)
+    n_frames = memory.shape[1] // n_rows
+    past = memory.new_zeros(len(memory), n_frames - 1, 3 * net.n_vertices)
     tokens = net.tokens(net.learnable_style_emb(styles), past, conditions)
-    return net.every_head(tokens, net.audio_feature_map(speech)).transpose(1, 2)
+    return net.every_head(tokens, memory).transpose(1, 2)
 
 
 def continued(
     net: PartNet,
-    speech: Tensor,
+    memory: Tensor,
     styles: Tensor,
     conditions: dict[str, Tensor],
     past: Tensor,
@@ -162,7 +207,32 @@ def continued(
 ) -> Tensor:
     """Features (B, T, H, C) of head `sample[b]` with the past (B, T, 3V) of its own row."""
     tokens = net.tokens(net.learnable_style_emb(styles), past[:, :-1], conditions)
-    return net.features(tokens, net.audio_feature_map(speech), sample)
+    return net.features(tokens, memory, sample)
+
+
+@torch.no_grad()
+def start_from_one(net: PartNet, one: PartNet, spread: float) -> None:
+    """Give `net` the weights of `one`, the same network with one head, and K heads near that head.
+
+    Args:
+        net: of K samples.
+        one: trained with one sample, as the deterministic variant.
+        spread: of the noise that sets the heads apart, as a share of the root mean square of the
+            head's weights. Copies would never part: at distance 0 nothing pushes.
+    """
+    state = one.state_dict()
+    head = state["feat_map.weight"]
+    k = net.part.n_samples
+    noise = torch.randn(k, *head.shape, generator=torch.Generator().manual_seed(0))
+    heads = head + spread * head.square().mean().sqrt() * noise
+    net.load_state_dict({**state, "feat_map.weight": heads.flatten(0, 1)})
+
+
+@torch.no_grad()
+def sort_heads(net: PartNet, errors: Tensor) -> None:
+    """Put the head of the smallest error (K,) first: one face alone is that of head 0."""
+    heads = net.feat_map.weight.unflatten(0, (net.part.n_samples, -1))
+    net.feat_map.weight.copy_(heads[errors.argsort()].flatten(0, 1))
 
 
 def root_mean_square(clips: Clips) -> float:

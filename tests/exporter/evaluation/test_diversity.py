@@ -5,16 +5,21 @@ import json
 
 import numpy as np
 import pytest
+import soundfile
 from conftest import make_folder
 
 from facecode.animator import Animator
 from facecode.bundle import Bundle
 from facecode_exporter.bundle_writer import read_neutral, write_bundle
 from facecode_exporter.cli import main
+from facecode_exporter.demo.phones import Phone
 from facecode_exporter.errors import EvaluationError
+from facecode_exporter.evaluation.code_sampling import DrawnCodebook, drawing, drawn_faces
 from facecode_exporter.evaluation.diversity import diversity_score, mean_score
 from facecode_exporter.evaluation.metrics import lip_vertex_error
+from facecode_exporter.evaluation.recordings import Recording
 from facecode_exporter.evaluation.regions import Regions
+from facecode_exporter.evaluation.speech import judge_speech, measure
 from facecode_exporter.random_weights import random_network
 from facecode_spec.systems import SYSTEMS
 
@@ -94,3 +99,43 @@ def test_score_is_that_of_evaluate_bundle():
     want = [lip_vertex_error(f, truth, REGIONS.lips) for f in faces]
     score = diversity_score(faces, truth, REGIONS)
     assert (score.alve, score.best_lve) == (np.mean(want), min(want))
+
+
+def test_codes_are_drawn_by_their_distance():
+    rows = np.array([[0.0], [1.0], [3.0]], np.float32)
+    features = np.full((20_000, 1), 0.5, np.float32)
+    drawn = DrawnCodebook(rows, 2.0, np.random.default_rng(0)).nearest(features)
+    odds = np.exp(-np.array([0.25, 0.25, 6.25]) / 2)
+    np.testing.assert_allclose(np.bincount(drawn) / len(drawn), odds / odds.sum(), atol=0.01)
+    nearest = DrawnCodebook(rows, 0.0, np.random.default_rng(0)).nearest(features + 0.1)
+    assert (nearest == 1).all()
+
+
+def test_drawn_faces_differ_and_without_tau_are_the_model(tiny, speech):
+    animator = tiny
+    audio, neutral = speech[0][:9000], animator.bundle.template
+    want = animator.animate(audio).vertices
+    same = drawn_faces(drawing(animator, 0.0), audio, None, neutral, 2)
+    np.testing.assert_allclose(same, np.stack([want, want]), atol=1e-6)
+    first, second = drawn_faces(drawing(animator, 100.0), audio, None, neutral, 2)
+    assert not np.array_equal(first, second)
+
+
+def test_a_model_with_samples_is_no_baseline(bundle):
+    with pytest.raises(EvaluationError, match="no samples of its own"):
+        drawing(Animator(Bundle.open(bundle)), 1.0)
+
+
+def test_speech_of_every_face_is_judged(bundle, tmp_path, speech):
+    """Against each face alone."""
+    animator = Animator(Bundle.open(bundle))
+    soundfile.write(tmp_path / "a.wav", speech[0][:16000], speech[1])
+    phones = [Phone("P", 0.2, 0.3), Phone("AA", 0.3, 0.5), Phone("SIL", 0.5, 1.0)]
+    recording = Recording("a", tmp_path / "a.wav", speech[0][:16000], phones)
+    clips = list(judge_speech(animator, [recording], ["a"], (1, 3), iter, samples=3))
+    assert [clip.style for clip in clips] == ["a-0", "a-1", "a-2"]
+    for clip, face in zip(clips, animator.animate(recording.path, "a", samples=3), strict=True):
+        alone = measure(face, recording, clip.style, (1, 3))
+        np.testing.assert_array_equal(clip.relative, alone.relative)
+    (one,) = judge_speech(animator, [recording], ["a"], (1, 3), iter)
+    np.testing.assert_array_equal(one.relative, clips[0].relative)

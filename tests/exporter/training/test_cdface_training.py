@@ -16,7 +16,7 @@ from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.training import run
 from facecode_exporter.training.config import cdface_defaults
 from facecode_exporter.training.data import FolderClips, FolderPart
-from facecode_exporter.training.query import QueryStage
+from facecode_exporter.training.query import QueryStage, heard, sort_heads, start_from_one
 from facecode_spec.systems import SYSTEMS
 
 TINY = SYSTEMS["cdface-tiny"]
@@ -83,6 +83,23 @@ def test_deterministic_and_upper_face_first(data, tmp_path):
     assert (tmp_path / "lips2" / "losses.csv").read_text().splitlines()[1].split(",")[1] == "0"
 
 
+def test_heads_start_from_the_one_that_was_trained_alone(data, tmp_path):
+    assert train(data, tmp_path / "prior", "stage1", "lips") == 0
+    more = ("--stage1", tmp_path / "prior" / "stage1.pth.tar", *QUERY)
+    assert train(data, tmp_path / "one", "cdface", "lips", *more, "--samples", "1") == 0
+    start = ("--start", tmp_path / "one" / "stage2.pth.tar", "--epochs", "0")
+    assert train(data, tmp_path / "all", "cdface", "lips", *more, *start) == 0
+    one, all_heads = (
+        torch.load(tmp_path / n / "stage2.pth.tar", weights_only=True)["state_dict"]
+        for n in ("one", "all")
+    )
+    assert all(torch.equal(all_heads[n], v) for n, v in one.items() if "feat_map" not in n)
+    (name,) = (n for n in one if "feat_map" in n)
+    heads = all_heads[name].unflatten(0, (-1, len(one[name])))
+    share = (heads - one[name]).square().mean().sqrt() / one[name].square().mean().sqrt()
+    assert float(share) == pytest.approx(1.5, rel=0.15)  # TrainingConfig.head_spread
+
+
 def test_resumed_is_uninterrupted(data, tmp_path, monkeypatch):
     assert train(data, tmp_path / "one", "stage1", "lips") == 0
     more = ("--stage1", tmp_path / "one" / "stage1.pth.tar", *QUERY, "--epochs", "3")
@@ -122,8 +139,8 @@ def stage_of(data, part, **losses):
 
 @pytest.mark.parametrize("part", ["lips", "upper_face"])
 def test_gradient_reaches_the_query_network_and_nothing_that_is_frozen(data, part):
-    """Through the quantiser alone: the term that needs no decoded motion is left out."""
-    stage = stage_of(data, part, regulariser=0.0)
+    """Through the quantiser alone: the terms that need no decoded motion are left out."""
+    stage = stage_of(data, part, regulariser=0.0, target_code=0.0)
     stage.trained.train()
     loss, _ = next(iter(stage.epoch(np.random.default_rng(0))))
     loss.backward()
@@ -146,6 +163,31 @@ def test_only_lips_are_masked(data):
     assert terms["lips"][closure] > 0
     assert terms["upper_face"][closure] == 0
     assert stage_of(data, "lips", mask=False).validate()[closure] == 0
+
+
+def test_samples_start_near_the_one_that_was_trained():
+    torch.manual_seed(0)
+    net, one = CDFace(TINY).part_nets[0], CDFace(variant(TINY, 1, False)).part_nets[0]
+    start_from_one(net, one, 0.01)
+    memory, style = torch.randn(1, 24, net.audio_feature_map.out_features), torch.tensor([0])
+    n = memory.shape[1] // TINY.speech_encoder.memory_rows_per_frame
+    with torch.no_grad():
+        many = heard(net, memory, style, {})
+        single = heard(one, memory, style, {}).expand_as(many)
+    assert many.shape[:3] == (1, TINY.parts[0].n_samples, n)
+    torch.testing.assert_close(many, single, rtol=0, atol=0.05)
+    assert (many[:, 0] != many[:, 1]).any()
+
+
+def test_the_head_of_the_smallest_error_comes_first(data):
+    stage = stage_of(data, "lips")
+    errors = stage.head_errors()
+    assert errors.shape == (stage.net.part.n_samples,)
+    assert float(errors.mean()) == pytest.approx(
+        stage.validate()[stage.terms.index("every_sample")] * stage.unit**2, rel=0.2
+    )
+    sort_heads(stage.net, errors)
+    torch.testing.assert_close(stage.head_errors(), errors.sort().values)
 
 
 def test_parts_cover_every_vertex_once(data, tmp_path):

@@ -31,9 +31,16 @@ def batch():
 
 def terms_of(batch, **changes):
     samples, truth, open_mouth = batch
-    features = torch.randn(2, K, T, 3, 5, generator=torch.Generator().manual_seed(1))
-    terms = diverse_terms(samples, truth, open_mouth, features, features + 0.5, 1.0)
+    features = features_of(0)
+    true_vectors = features_of(1)[:, 0]
+    terms = diverse_terms(
+        samples, truth, open_mouth, features, features + 0.5, true_vectors, half_at=1.0
+    )
     return dict(zip(TERMS, terms, strict=True)) | changes
+
+
+def features_of(seed):
+    return torch.randn(2, K, T, 3, 5, generator=torch.Generator().manual_seed(seed))
 
 
 def test_closed_frames_carry_no_diversity_force(batch):
@@ -72,6 +79,22 @@ def test_only_the_best_sample_is_reconstructed(batch):
     assert (samples.grad[:, 3] != 0).all()
 
 
+def test_codes_of_the_truth_bind_the_best_sample_and_closed_frames(batch):
+    samples, truth, open_mouth = batch
+    with torch.no_grad():
+        samples[:, 3] = truth + 0.1
+    features, true_vectors = features_of(0).requires_grad_(), features_of(1)[:, 0]
+    terms = diverse_terms(samples, truth, open_mouth, features, features_of(2), true_vectors, 1.0)
+    terms[TERMS.index("target_code")].backward()
+    pulled = (features.grad != 0).flatten(3).all(dim=-1)
+    assert pulled[:, 3].all()
+    assert pulled[:, :3, 2:4].all()
+    assert (features.grad[:, :3, [0, 1, 4, 5]] == 0).all()
+    pull = features.grad / (features.detach() - true_vectors[:, None])
+    pull = pull[pulled]
+    torch.testing.assert_close(pull, torch.full_like(pull, float(pull.mean())))
+
+
 def test_diversity_is_half_where_it_is_said_to_be_and_knows_no_length():
     for n_frames in (1, 7):
         pair = torch.stack([torch.zeros(n_frames, 3), torch.full((n_frames, 3), 0.2)])[None]
@@ -82,8 +105,8 @@ def test_diversity_is_half_where_it_is_said_to_be_and_knows_no_length():
 
 def test_total_weighs_every_term(batch):
     terms = [t.detach() for t in terms_of(batch).values()]
-    losses = DiverseLosses(diversity=2, every_sample=3, closure=4, regulariser=5)
-    want = sum(w * float(t) for w, t in zip((2, 1, 3, 4, 5), terms, strict=True))
+    losses = DiverseLosses(diversity=2, every_sample=3, closure=4, regulariser=5, target_code=6)
+    want = sum(w * float(t) for w, t in zip((2, 1, 3, 4, 5, 6), terms, strict=True))
     assert float(total(terms, losses)) == pytest.approx(want, rel=1e-5)
 
 

@@ -1,0 +1,71 @@
+"""The baseline of several faces: a model with one answer that draws its codes.
+
+Comes in: an animator of parts with one sample each. Goes out: vertices of K faces of one recording.
+Codes are drawn from a softmax over minus the squared distances to the codebook rows / tau, frame
+after frame, each face on its own past.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+
+import numpy as np
+
+from facecode.animator import Animator
+from facecode.arrays import Codes, Features, Float32, Template
+from facecode.audio import AudioSource, load_audio
+from facecode.codebook import Codebook
+from facecode.request import Request
+from facecode.styles import Style, style_weights
+from facecode_exporter.errors import EvaluationError
+
+
+class DrawnCodebook(Codebook):
+    """A codebook whose `nearest` is a draw; tau 0 is the nearest row."""
+
+    def __init__(self, rows: Float32, tau: float, rng: np.random.Generator) -> None:
+        """Take rows (N, C); `tau` is in squared units of theirs."""
+        super().__init__(rows)
+        self.tau, self.rng = tau, rng
+
+    def nearest(self, features: Features) -> Codes:
+        """Features (..., C) to drawn codes (...) int64."""
+        if self.tau == 0:
+            return super().nearest(features)
+        wide = features.astype(np.float64)
+        squared = np.square(wide).sum(axis=-1, keepdims=True) + 2 * (
+            self._half_norms - wide @ self._columns
+        )
+        noise = self.rng.gumbel(size=squared.shape)  # argmax of logits + Gumbel noise is a draw
+        return np.asarray((noise - squared / self.tau).argmax(axis=-1))
+
+
+def drawing(animator: Animator, tau: float, seed: int = 0) -> Animator:
+    """`animator`, drawing its codes.
+
+    Raises:
+        EvaluationError: parts that have samples of their own, or a negative tau.
+    """
+    if tau < 0 or any(part.n_samples > 1 for part in animator.parts):
+        raise EvaluationError(
+            f"got tau {tau:g} for {animator.manifest.name}; expected 0 or more, and a model that "
+            "has no samples of its own"
+        )
+    rng = np.random.default_rng(seed)
+    other = copy.copy(animator)
+    other.parts = tuple(
+        dataclasses.replace(part, codebook=DrawnCodebook(part.codebook.rows, tau, rng))
+        for part in animator.parts
+    )
+    return other
+
+
+def drawn_faces(
+    animator: Animator, speech: AudioSource, style: Style | None, template: Template, n_faces: int
+) -> Float32:
+    """Vertices (K, T, V, 3) of K faces, by an animator of `drawing`."""
+    memory = animator.encode(load_audio(speech, animator.manifest.sample_rate))
+    weights = np.tile(style_weights(style, animator.styles), (n_faces, 1))
+    moved = animator.move([memory] * n_faces, weights, Request())
+    return np.concatenate([offsets for _, offsets in moved]) + template
