@@ -144,8 +144,8 @@ class QueryStage:
 
     def _decoded(self, vectors: Tensor) -> Tensor:
         """Code vectors (B, K, T, H, C) to offsets (B, K, T, 3V)."""
-        decoded: Tensor = self.net.autoencoder.decoder(vectors.flatten(0, 1))
-        return decoded.unflatten(0, vectors.shape[:2])
+        decoded = self.net.autoencoder.decoder(vectors.flatten(0, 1))
+        return cast(Tensor, decoded.unflatten(0, vectors.shape[:2]))
 
     def _features(self, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
         """(B, K, T, H, C): without a past for half of the clips, with its own for the others."""
