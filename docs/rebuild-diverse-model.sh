@@ -2,7 +2,7 @@
 # Makes the diverse model anew, from packages to a bundle. Run it at the root of a checkout, after
 # rebuild-demo-model.sh, whose corpus and packages it uses. Its steps were run one by one, not yet as
 # this script from nothing; of one core's time the priors took 8 min, the networks with one sample
-# 10 min, those with five 11 min, speech features 2 min. Interrupted, it goes on.
+# 12 min, those with five 11 min, speech features 2 min. Interrupted, it goes on.
 set -eu
 work=${1:-demo-build}
 "$work/venv/bin/facecode-export" demo-model --diverse --corpus "$work/democorpus" \

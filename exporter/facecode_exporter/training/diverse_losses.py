@@ -45,8 +45,8 @@ class DiverseLosses:
     target_code: float = 1.0
     """Weight of the distance of features to the code vectors that the prior's encoder gives the
     truth: of the best sample everywhere, of the others where the mouth is closed. CodeTalker's
-    stage 2 has this term with this weight; the paper's prose names none, and without it the best
-    sample is twice as far from the truth after equal training."""
+    stage 2 has this term with this weight; the paper's prose names none. An earlier training
+    without it, of fewer epochs, left the best sample twice as far from the truth."""
     mask: bool = True
     """Lips: frames in which the true mouth is closed carry no diversity and are supervised in every
     sample. False is the paper's ablation."""

@@ -138,4 +138,4 @@ def test_speech_of_every_face_is_judged(bundle, tmp_path, speech):
         alone = measure(face, recording, clip.style, (1, 3))
         np.testing.assert_array_equal(clip.relative, alone.relative)
     (one,) = judge_speech(animator, [recording], ["a"], (1, 3), iter)
-    np.testing.assert_array_equal(one.relative, clips[0].relative)
+    np.testing.assert_allclose(one.relative, clips[0].relative, atol=1e-4)  # rows of one batch
