@@ -216,6 +216,8 @@ def test_interrupt(tmp_path, number, code, said):
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,
+        # tests that were started in the background hand down a SIGINT that is ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     while "frame/s" not in process.stderr.readline(200):  # the loop has begun
         assert process.poll() is None
