@@ -12,7 +12,7 @@ from tqdm import tqdm
 import facecode
 from facecode import writers
 from facecode.console import DONE, MISTAKE
-from facecode.errors import FacecodeError, OutputFolderError, SampleError
+from facecode.errors import FacecodeError, OutputFolderError, OutputWriteError, SampleError
 from facecode.styles import parse_style
 
 
@@ -20,7 +20,8 @@ def run_many(args: argparse.Namespace) -> int:
     """Animate `args.audio` into `args.out_dir`; 2 if a recording failed, and the others done.
 
     Raises:
-        OutputFolderError: a folder that cannot be made, or two recordings of one name.
+        OutputFolderError: no folder to make it in, or two recordings of one name.
+        OutputWriteError: the folder cannot be made.
         SampleError: samples or held codes, which are for one recording.
     """
     if args.samples or args.lips or args.upper_face or args.hold:
@@ -65,9 +66,9 @@ def _make_folder(folder: Path) -> None:
         raise OutputFolderError(
             f"the folder {folder.parent} does not exist; create it first"
         ) from error
-    except FileExistsError as error:
-        raise OutputFolderError(
-            f"{folder} is a file; name a folder for the results with --out-dir"
+    except OSError as error:
+        raise OutputWriteError(
+            f"cannot make the folder {folder}: {error.strerror}; name another with --out-dir"
         ) from error
 
 
