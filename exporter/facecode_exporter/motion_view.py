@@ -54,6 +54,8 @@ class Past:
     keys: Tensor
     values: Tensor
     """(B, heads, p, head width)"""
+    n: int
+    """p"""
     log_weights: Tensor
     """(p + n,): how many frames a row stands for, of past and own rows"""
 
@@ -69,21 +71,23 @@ class ResumedAttention(nn.Module):
         self.n_heads, self.scale = attention.n_heads, attention.dim**-0.5
         self.to_out = attention.to_out
 
-    def split(self, x: Tensor) -> Tensor:
-        """(B, n, E) to (B, heads, n, head width)."""
-        heads: Tensor = x.unflatten(-1, (self.n_heads, -1))
-        return heads.transpose(1, 2)
+    def split(self, x: Tensor, n: int) -> tuple[Tensor, ...]:
+        """`n` tensors side by side, (B, m, n E), to each of them (1, B, heads, m, head width)."""
+        apart: Tensor = x.unflatten(-1, (n, self.n_heads, -1))
+        return cast("tuple[Tensor, ...]", apart.permute(2, 0, 3, 1, 4).split(1))
 
     def forward(self, query: Tensor, key: Tensor, value: Tensor, past: Past) -> Tensor:
-        """Queries (B, heads, m, w), own keys and values (B, heads, n, w) to (B, m, E)."""
+        """Queries (1, B, heads, m, w), own keys and values (1, B, heads, n, w) to (B, m, E)."""
         query = query * self.scale
         over_past = query @ past.keys.transpose(-1, -2)
         over_own = query @ key.transpose(-1, -2)
         scores = torch.cat([over_past, over_own], dim=-1) + past.log_weights
         weights = torch.softmax(scores, dim=-1)
-        n_past = past.keys.shape[2]
-        mixed = weights[..., :n_past] @ past.values + weights[..., n_past:] @ value
-        return cast(Tensor, self.to_out(mixed.transpose(1, 2).flatten(2)))
+        of_past, own = weights.split([past.n, key.shape[3]], dim=-1)
+        mixed = of_past @ past.values + own @ value
+        _, n_rows, n_heads, n_frames, width = query.shape
+        joined = mixed.transpose(2, 3).reshape(n_rows, n_frames, n_heads * width)
+        return cast(Tensor, self.to_out(joined))
 
 
 class ResumedLayer(nn.Module):
@@ -98,8 +102,8 @@ class ResumedLayer(nn.Module):
         self.mlp = mlp_block
 
     def forward(self, x: Tensor, past: Past) -> tuple[Tensor, Tensor, Tensor]:
-        """x (B, n, E) to x, and keys and values (B, heads, n, w) of its frames."""
-        query, key, value = map(self.attend.split, self.to_qkv(self.norm(x)).chunk(3, dim=-1))
+        """x (B, n, E) to x, and keys and values (1, B, heads, n, w) of its frames."""
+        query, key, value = self.attend.split(self.to_qkv(self.norm(x)), 3)
         x = x + self.attend(query, key, value, past)
         return cast(Tensor, self.mlp(x)), key, value
 
@@ -123,8 +127,8 @@ class LastLayer(nn.Module):
     def forward(self, x: Tensor, past: Past, frames: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """As `ResumedLayer`, for `frames` (m,): hidden (B, m, E) in place of x."""
         normed = self.norm(x)
-        key, value = map(self.attend.split, self.to_key_value(normed).chunk(2, dim=-1))
-        query = self.attend.split(self.to_query(normed.index_select(1, frames)))
+        key, value = self.attend.split(self.to_key_value(normed), 2)
+        (query,) = self.attend.split(self.to_query(normed.index_select(1, frames)), 1)
         shown = x.index_select(1, frames) + self.attend(query, key, value, past)
         return cast(Tensor, self.mlp(shown)), key, value
 
@@ -168,18 +172,19 @@ class MotionDecoderView(nn.Module):
         *past: Tensor,
     ) -> tuple[Tensor, ...]:
         """See `facecode_spec.graphs.motion_decoder` for names and shapes."""
+        torch._check(features.shape[1] >= 1)
         half_norms = self.codebook.square().sum(dim=-1) / 2
         codes = (half_norms - features.double() @ self.codebook.transpose(0, 1)).argmin(dim=-1)
         activations = self.convolve(self.quantize.look_up(codes), context)
         latest = torch.cat([known, activations], dim=1)
         normed = self.norm(revisited, latest, count, mean, squares)
         x = cast(Tensor, self.embed(normed)) + self.constant
-        own = torch.zeros_like(latest[0, :, 0])
+        own = torch.zeros(latest.shape[1])
         log_weights = torch.cat([past_log_weights, revisited_log_weights, own])
-        n_layers = len(self.layers) + 1
+        n_layers, n_past = len(self.layers) + 1, past_log_weights.shape[0]
         kept = []
         for i in range(n_layers):
-            before = Past(past[i], past[n_layers + i], log_weights)
+            before = Past(past[i], past[n_layers + i], n_past, log_weights)
             if i + 1 < n_layers:
                 x, key, value = self.layers[i](x, before)
             else:
@@ -187,8 +192,7 @@ class MotionDecoderView(nn.Module):
             kept.append((key, value))
         # Of the frames that are no longer decoded next time: those revisited and the oldest.
         n_kept = revisited.shape[1] + 1
-        keys = torch.stack([key[:, :, :n_kept] for key, _ in kept])
-        values = torch.stack([value[:, :, :n_kept] for _, value in kept])
+        keys, values = (torch.cat(rows)[:, :, :, :n_kept] for rows in zip(*kept, strict=True))
         return codes, x, self.feed_back(x[:, -1]), activations, keys, values
 
     def convolve(self, vectors: Tensor, context: Tensor) -> Tensor:
@@ -197,9 +201,9 @@ class MotionDecoderView(nn.Module):
         if self.project is not None:
             x = self.project(x)
         x = torch.cat([x[:, :1], x[:, :1], x, x[:, -1:], x[:, -1:]], dim=1)
-        n = x.shape[1] - 4
-        x = torch.cat([x[:, i : i + n] for i in range(5)], dim=-1)
-        return cast(Tensor, self.bend(self.taps(x[:, context.shape[1] :])))
+        n, start = vectors.shape[1], context.shape[1]
+        x = torch.cat([x.narrow(1, start + i, n) for i in range(5)], dim=-1)
+        return cast(Tensor, self.bend(self.taps(x)))
 
 
 def convolution_as_linear(convolution: nn.Conv1d) -> nn.Linear:

@@ -42,6 +42,17 @@ def rows(attention: nn.MultiheadAttention, index: int) -> nn.Linear:
     return linear(attention.in_proj_weight[packed], attention.in_proj_bias[packed])
 
 
+def key_and_value(attention: nn.MultiheadAttention) -> list[nn.Linear]:
+    """Key and value projection."""
+    return [rows(attention, index) for index in (1, 2)]
+
+
+def scaled(query: nn.Linear, head_dim: int) -> nn.Linear:
+    """A query projection that includes the scale of the attention."""
+    scale = head_dim**-0.5
+    return linear(query.weight.double() * scale, query.bias.double() * scale)
+
+
 class SpeechEncoderView(nn.Module):
     """audio -> what the cross-attention of every part and layer reads, frame by frame."""
 
@@ -69,9 +80,8 @@ class CrossMemory(nn.Module):
             # One visible key: softmax is 1 and the attention is out_proj(v_proj(memory)).
             self.maps = nn.ModuleList([stack([fuse(a.out_proj, rows(a, 2)) for a in attentions])])
         else:
-            self.maps = nn.ModuleList(
-                [stack([rows(a, index) for a in attentions]) for index in (1, 2)]
-            )
+            kinds = zip(*(key_and_value(a) for a in attentions), strict=True)
+            self.maps = nn.ModuleList([stack(list(kind)) for kind in kinds])
 
     def forward(self, speech: Tensor) -> tuple[Tensor, ...]:
         """(B, T * rows, width) to cross_output, or to cross_keys and cross_values."""
@@ -92,38 +102,41 @@ def stack(layers: list[nn.Linear]) -> nn.Linear:
 class SelfAttentionStep(nn.Module):
     """Self-attention of one new frame over the past rows and itself.
 
-    All heads share one product with the (n, D) rows: the query stands once per head, zero
-    outside that head's channels. It costs a few more multiplications than a product per head
-    but reads past rows where they lie, without the transposed copy.
+    The query of each head stands in a row of its own, zero outside that head's channels, and meets
+    the (n, D) rows where they lie. It costs as many times the multiplications as there are heads,
+    but no transposed copy; and a product with one row is one that onnxruntime does not pack for.
     """
 
     def __init__(self, attention: nn.MultiheadAttention) -> None:
         super().__init__()
         n_heads, dim = attention.num_heads, attention.embed_dim
         head_dim = dim // n_heads
-        self.to_qkv = stack([rows(attention, i) for i in range(3)])
-        self.scale = head_dim**-0.5
+        self.to_qkv = stack([scaled(rows(attention, 0), head_dim), *key_and_value(attention)])
         self.to_out = attention.out_proj
         owner = torch.arange(dim) // head_dim
-        self.register_buffer("heads", (owner[:, None] == torch.arange(n_heads)).float())
+        heads = (torch.arange(n_heads)[:, None] == owner).float()
+        self.register_buffer("heads", heads[:, None])
         self.heads: Tensor
 
     def forward(
         self, x: Tensor, keys: Tensor, values: Tensor, bias: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """x (B, D), past rows (B, n, D), bias (n, heads) to attended, new key, new value (B, D)."""
-        query, key, value = self.to_qkv(x).chunk(3, dim=-1)
-        per_head = (query * self.scale)[:, :, None] * self.heads
-        past_scores = keys @ per_head + bias
-        own_score = key[:, None] @ per_head
-        # Turned before the softmax: onnxruntime 1.31 joins a turn right before a product with it,
-        # and that joint operator gives garbage for several rows without a past (n = 0).
-        scores = torch.cat([past_scores, own_score], dim=1).transpose(1, 2)
-        weights = torch.softmax(scores, dim=2)
-        mixed = weights[:, :, :-1] @ values
-        own = weights[:, :, -1] @ self.heads.transpose(0, 1) * value
-        attended = (mixed * self.heads.transpose(0, 1)).sum(dim=1) + own
-        return self.to_out(attended), key, value
+    ) -> tuple[Tensor, Tensor]:
+        """Attended (B, 1, D), and query, key and value side by side (B, 1, 3 D).
+
+        Args:
+            x: (B, 1, D).
+            keys: of the past, (B, n, D).
+            values: of the past, (B, n, D).
+            bias: (heads, 1, n).
+        """
+        qkv = self.to_qkv(x)
+        query, key, value = qkv[:, None].chunk(3, dim=-1)
+        per_head = query * self.heads
+        over_past = per_head @ keys[:, None].transpose(2, 3) + bias
+        scores = torch.cat([over_past, per_head @ key.transpose(2, 3)], dim=3)
+        of_past, own = torch.softmax(scores, dim=3).split([keys.shape[1], 1], dim=3)
+        mixed = of_past @ values[:, None] + own * value
+        return self.to_out((mixed * self.heads).sum(dim=1)), qkv
 
 
 class CrossAttentionStep(nn.Module):
@@ -132,27 +145,26 @@ class CrossAttentionStep(nn.Module):
     def __init__(self, attention: nn.MultiheadAttention) -> None:
         super().__init__()
         self.n_heads = attention.num_heads
-        self.to_query = rows(attention, 0)
-        self.scale = (attention.embed_dim // self.n_heads) ** -0.5
+        self.to_query = scaled(rows(attention, 0), attention.embed_dim // self.n_heads)
         self.to_out = attention.out_proj
 
     def forward(self, x: Tensor, keys: Tensor, values: Tensor) -> Tensor:
-        """x (B, D), keys and values (B, rows, D) to (B, D)."""
-        split = (self.n_heads, -1)
-        query = (self.to_query(x) * self.scale).unflatten(-1, split)
-        scores = (query[:, None] * keys.unflatten(-1, split)).sum(dim=-1, keepdim=True)
-        weights = torch.softmax(scores, dim=1)
-        mixed = (weights * values.unflatten(-1, split)).sum(dim=1)
-        return cast(Tensor, self.to_out(mixed.flatten(1)))
+        """x (B, 1, D), keys and values (B, 1, rows, heads, head width) to (B, 1, D)."""
+        query = self.to_query(x).unflatten(-1, (1, self.n_heads, -1))
+        weights = torch.softmax((query * keys).sum(dim=-1, keepdim=True), dim=2)
+        return cast(Tensor, self.to_out((weights * values).sum(dim=2).flatten(2)))
 
 
 class DecoderStepView(nn.Module):
-    """One frame of the cross-modal decoder; the state is passed in and the new rows come out."""
+    """One frame of the cross-modal decoder; the state is passed in and the new rows come out.
+
+    A frame keeps its axis, (B, 1, D): onnxruntime joins sums and layer norms of three axes only.
+    """
 
     def __init__(self, net: PartNet) -> None:
         super().__init__()
         spec = net.part.cross_modal_decoder
-        self.n_layers, self.period = spec.n_layers, spec.period
+        self.n_layers, self.n_heads, self.period = spec.n_layers, spec.n_heads, spec.period
         self.layers = net.transformer_decoder.layers
         self.self_attention = nn.ModuleList(
             [SelfAttentionStep(layer.self_attn) for layer in self.layers]
@@ -183,40 +195,48 @@ class DecoderStepView(nn.Module):
         more, past = state[: -2 * self.n_layers], state[-2 * self.n_layers :]
         sample, more = (more[0], more[1:]) if self.n_samples > 1 else (None, more)
         n_conditions = len(self.condition_map)
-        conditions, cross = more[:n_conditions], more[n_conditions:]
+        conditions, cross = more[:n_conditions], self._cross_layers(more[n_conditions:])
         position = self.position_code.index_select(0, (step % self.period)[None])
-        x = motion + style @ self.style_rows.weight + position
+        token = motion + style @ self.style_rows.weight + position
         for embed, vectors in zip(self.condition_map.values(), conditions, strict=True):
-            x = x + embed(vectors.flatten(1))
+            token = token + embed(vectors.flatten(1))
+        x = token[:, None]
         bias = self._bias(past[0].shape[1])
-        keys, values = [], []
+        rows_of_layers = []
         for i, layer in enumerate(self.layers):
-            attended, key, value = self.self_attention[i](x, past[i], past[self.n_layers + i], bias)
-            keys.append(key)
-            values.append(value)
+            attended, qkv = self.self_attention[i](x, past[i], past[self.n_layers + i], bias)
+            rows_of_layers.append(qkv)
             x = layer.norm1(x + attended)
-            x = layer.norm2(x + self._cross(i, x, cross))
+            x = layer.norm2(x + self._heard(i, x, cross))
             x = layer.norm3(x + layer.linear2(torch.relu(layer.linear1(x))))
-        return self._features(x, sample), torch.stack(keys), torch.stack(values)
+        new = torch.cat(rows_of_layers).reshape(self.n_layers, -1, rows_of_layers[0].shape[-1])
+        _, keys, values = new.chunk(3, dim=-1)
+        return self._features(x, sample), keys, values
 
     def _features(self, x: Tensor, sample: Tensor | None) -> Tensor:
-        """x (B, D) to (B, H, C) of head `sample[b]`; all heads share one read of the weights."""
-        every: Tensor = self.feat_map(x).unflatten(-1, self.head_shape)
+        """x (B, 1, D) to (B, H, C) of head `sample[b]`; all heads share one read of the weights."""
+        every: Tensor = self.feat_map(x[:, 0]).unflatten(-1, self.head_shape)
         if sample is None:
             return every[:, 0]
         index = sample[:, None, None, None].expand(-1, 1, *self.head_shape[1:])
         return every.gather(1, index)[:, 0]
 
     def _bias(self, n_past: int) -> Tensor:
-        """-floor(distance / period) * slope for every past frame and head: (n_past, heads)."""
-        distance = n_past - torch.arange(n_past)
-        steps = torch.div(distance, self.period, rounding_mode="floor")
-        return -steps[:, None] * self.slopes
+        """-floor(distance / period) * slope for every head and past frame: (heads, 1, n_past)."""
+        steps = torch.floor(torch.arange(n_past, 0, -1) / self.period)
+        return steps * -self.slopes[:, None, None]
 
-    def _cross(self, i: int, x: Tensor, cross: tuple[Tensor, ...]) -> Tensor:
+    def _cross_layers(self, cross: tuple[Tensor, ...]) -> list[tuple[Tensor, ...]]:
+        """What each layer reads: (B, 1, D), or keys and values (B, 1, rows, heads, width)."""
+        if not self.one_row:
+            cross = tuple(c.unflatten(-1, (self.n_heads, -1)) for c in cross)
+        return list(zip(*(c.split(1, dim=1) for c in cross), strict=True))
+
+    def _heard(self, i: int, x: Tensor, cross: list[tuple[Tensor, ...]]) -> Tensor:
+        """What layer `i` hears: (B, 1, D)."""
         if self.one_row:
-            return cross[0][:, i]
-        return cast(Tensor, self.cross_attention[i](x, cross[0][:, i], cross[1][:, i]))
+            return cross[i][0]
+        return cast(Tensor, self.cross_attention[i](x, *cross[i]))
 
 
 class VertexHeadView(nn.Module):
