@@ -28,11 +28,8 @@ from facecode_exporter.nets.cdface import Trained
 from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.output_folder import replacing
 from facecode_exporter.quantize import quantise_file
-from facecode_exporter.views import (
-    DecoderStepView,
-    SpeechEncoderView,
-    VertexHeadView,
-)
+from facecode_exporter.speech_view import SpeechEncoderView
+from facecode_exporter.views import DecoderStepView, VertexHeadView
 from facecode_spec.graphs import (
     OPSET,
     SPEECH_ENCODER,

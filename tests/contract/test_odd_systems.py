@@ -12,6 +12,7 @@ from facecode_exporter import bundle_writer, parity
 from facecode_exporter.motion_view import MotionDecoderView
 from facecode_exporter.nets.speech import FAMILIES, n_frames, samples_for
 from facecode_exporter.random_weights import random_network
+from facecode_exporter.speech_view import SpeechEncoderView
 from facecode_exporter.views import DecoderStepView
 from facecode_spec.schema import CodebookSpec
 from facecode_spec.systems import SYSTEMS
@@ -152,7 +153,7 @@ def test_cached_steps_are_the_prefix_pass(exported):
         assert memory.shape[1] == n * rows
         tokens = motions + (style @ net.learnable_style_emb.weight)[:, None]
         want = net.features(tokens, memory)
-        cross = bundle_writer.SpeechEncoderView(net)(audio)
+        cross = SpeechEncoderView(net)(audio)
         past = [torch.zeros(batch, 0, dim) for _ in range(2 * layers)]
         for t in range(n):
             frame = [c[:, t] for c in cross]
