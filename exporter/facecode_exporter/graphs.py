@@ -25,6 +25,7 @@ SAMPLE_SIZES = {
     "batch": 2,
     "n_samples": 5000,
     "n_past": 5,
+    "n_slots": 9,
     "n_new": 6,
     "n_context": 2,
     "n_known": 4,

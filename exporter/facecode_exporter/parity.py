@@ -28,13 +28,13 @@ from facecode_spec.manifest import ParityCase, ParityReport
 
 Steps = Callable[[Iterable[int]], Iterable[int]]
 GRAPH_SIZES: tuple[dict[str, int], ...] = (
-    {"batch": 1, "n_samples": 1360, "n_past": 0, "n_shown": 1}
+    {"batch": 1, "n_samples": 1360, "n_past": 0, "n_shown": 1, "n_slots": 0, "step": 0}
     | {"n_new": 1, "n_context": 0, "n_known": 0, "n_revisited": 0},
-    {"batch": 4, "n_samples": 2000, "n_past": 0, "n_shown": 3}
+    {"batch": 4, "n_samples": 2000, "n_past": 0, "n_shown": 3, "n_slots": 64, "step": 3}
     | {"n_new": 3, "n_context": 2, "n_known": 2, "n_revisited": 0},
-    {"batch": 3, "n_samples": 9077, "n_past": 1, "n_shown": 2}
+    {"batch": 3, "n_samples": 9077, "n_past": 1, "n_shown": 2, "n_slots": 1, "step": 1}
     | {"n_new": 2, "n_context": 0, "n_known": 1, "n_revisited": 1},
-    {"batch": 2, "n_samples": 23456, "n_past": 67, "n_shown": 5}
+    {"batch": 2, "n_samples": 23456, "n_past": 67, "n_shown": 5, "n_slots": 67, "step": 200}
     | {"n_new": 19, "n_context": 2, "n_known": 3, "n_revisited": 4},
 )
 
@@ -163,7 +163,7 @@ def report(graph_errors: dict[str, float], cases: Iterable[ParityCase]) -> Parit
 def _random_input(tensor: TensorSpec, sizes: dict[str, int], rng: np.random.Generator) -> AnyArray:
     shape = tuple(sizes[a] if isinstance(a, str) else a for a in tensor.axes)
     if tensor.name == "step":
-        return np.array(sizes["n_past"])
+        return np.array(sizes["step"])
     if tensor.name == "sample":  # an input where there are two heads or more
         return rng.integers(0, 2, shape)
     if tensor.name == "frames":

@@ -161,7 +161,7 @@ class DecoderStepView(nn.Module):
         for embed, vectors in zip(self.condition_map.values(), conditions, strict=True):
             token = token + embed(vectors.flatten(1))
         x = token[:, None]
-        bias = self._bias(past[0].shape[1])
+        bias = self._bias(step, past[0].shape[1])
         rows_of_layers = []
         for i, layer in enumerate(self.layers):
             attended, qkv = self.self_attention[i](x, past[i], past[self.n_layers + i], bias)
@@ -181,10 +181,13 @@ class DecoderStepView(nn.Module):
         index = sample[:, None, None, None].expand(-1, 1, *self.head_shape[1:])
         return every.gather(1, index)[:, 0]
 
-    def _bias(self, n_past: int) -> Tensor:
-        """-floor(distance / period) * slope for every head and past frame: (heads, 1, n_past)."""
-        steps = torch.floor(torch.arange(n_past, 0, -1) / self.period)
-        return steps * -self.slopes[:, None, None]
+    def _bias(self, step: Tensor, n_slots: int) -> Tensor:
+        """-floor(distance / period) * slope, -inf for empty slots: (heads, 1, n_slots)."""
+        slot = torch.arange(n_slots)
+        ring = torch.scalar_tensor(n_slots, dtype=torch.int64).clamp(min=1)
+        distance = (step - 1 - slot) % ring + 1
+        bias = torch.floor(distance / self.period) * -self.slopes[:, None, None]
+        return torch.where(slot < step, bias, -torch.inf)
 
     def _cross_layers(self, cross: tuple[Tensor, ...]) -> list[tuple[Tensor, ...]]:
         """What each layer reads: (B, 1, D), or keys and values (B, 1, rows, heads, width)."""

@@ -105,9 +105,13 @@ def speech_encoder(system: SystemSpec) -> GraphSpec:
 
 
 def decoder_step(system: SystemSpec, part: PartSpec) -> GraphSpec:
-    """One frame of the cross-modal decoder: state in, features and the new K/V rows out."""
+    """One frame of the cross-modal decoder: state in, features and the new K/V rows out.
+
+    The past is a ring of slots: frame t stands in slot t mod n_slots, those from `step` on are
+    empty and left out. A past without empty slots is one of n_slots = step.
+    """
     decoder, codebook = part.cross_modal_decoder, part.codebook
-    past = ("batch", "n_past", decoder.dim)
+    past = ("batch", "n_slots", decoder.dim)
     new_rows = (decoder.n_layers, "batch", decoder.dim)
     return GraphSpec(
         DECODER_STEP,

@@ -71,7 +71,9 @@ class GeneratedPart:
         self._memories = memories
         self._weights = np.repeat(weights, len(samples), axis=0)
         self._samples = np.tile(samples, len(weights))
-        self._cache = KeyValueCache(part.n_layers, n_rows, part.dim, motion.longest_past)
+        self._cache = KeyValueCache(
+            *(part.n_layers, n_rows, part.dim, motion.longest_past), in_order=not part.ignores_empty
+        )
 
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:
         """See `PartLoop`."""

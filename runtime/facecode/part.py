@@ -11,6 +11,7 @@ from facecode.bundle import Bundle, load_array
 from facecode.codebook import Codebook
 from facecode.motion import MotionDecoder
 from facecode.session import Graph
+from facecode_spec.graphs import past_keys
 from facecode_spec.manifest import PartEntry
 
 HEAD_CHUNK = 64
@@ -31,6 +32,8 @@ class Part:
     codes_per_frame: int
     memory: tuple[str, ...]
     """What the decoder step reads of the encoded speech."""
+    ignores_empty: bool
+    """Whether the decoder step leaves out slots of its past that no frame has filled."""
     n_samples: int = 1
     conditions_on: tuple[str, ...] = ()
     vertices: Indices | None = None
@@ -52,7 +55,7 @@ class Part:
         rows = load_array(bundle.root, entry.codebook, (-1, int(code_dim)), np.float32)
         graphs = (entry.decoder_step, entry.motion_decoder, entry.vertex_head)
         step, motion, head = (Graph(bundle.path(g.path), g, threads) for g in graphs)
-        wanted = {t.name for t in entry.decoder_step.inputs}
+        wanted = {t.name: t.axes for t in entry.decoder_step.inputs}
         given = [t.name for t in bundle.manifest.speech_encoder.outputs]
         return cls(
             entry.name,
@@ -64,6 +67,7 @@ class Part:
             int(dim),
             int(codes_per_frame),
             tuple(name for name in given if name in wanted),
+            "n_slots" in wanted[past_keys(0)],
             entry.n_samples,
             entry.conditions_on,
             bundle.part_vertices(entry),

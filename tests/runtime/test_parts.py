@@ -43,20 +43,41 @@ def test_buffer_grows_and_keeps_its_rows():
     np.testing.assert_array_equal(buffer.view(), rows.transpose(1, 0, 2))
 
 
-def test_limited_buffer_keeps_the_last_rows():
-    buffer = GrowingBuffer(1, (2,), limit=3)
-    for i in range(20):
-        buffer.append(np.full((1, 2), i))
-        np.testing.assert_array_equal(buffer.view()[0, :, 0], range(max(0, i - 2), i + 1))
-        assert buffer.view().flags.c_contiguous
-
-
-def test_views_of_one_clip_are_contiguous():
+def test_keys_of_one_clip_are_its_frames_without_a_copy():
     cache = KeyValueCache(n_layers=2, n_batch=1, dim=3)
     assert cache.inputs()["past_keys_1"].shape == (1, 0, 3)
     cache.append(np.ones((2, 1, 3)), np.ones((2, 1, 3)))
     assert list(cache.inputs()) == ["past_keys_0", "past_keys_1", "past_values_0", "past_values_1"]
     assert all(rows.flags.c_contiguous for rows in cache.inputs().values())
+    assert all(rows.base is not None for rows in cache.inputs().values())
+
+
+def frame(t: int, n_batch: int) -> np.ndarray:
+    """Rows (2 layers, batch, 1) that tell frame and clip apart; values are the keys less 0.5."""
+    return np.stack([t + np.arange(n_batch) / 8, 1000 + t + np.arange(n_batch) / 8])[..., None]
+
+
+def test_keys_of_a_batch_stand_in_their_slots_and_are_not_copied():
+    cache = KeyValueCache(n_layers=2, n_batch=3, dim=1, limit=100)
+    for t in range(250):
+        n = 3 if t < 120 else 2
+        cache.append(frame(t, n), frame(t, n) - 0.5)
+        inputs = cache.inputs(n)
+        assert all(rows.flags.c_contiguous for rows in inputs.values())
+        keys, values = inputs["past_keys_1"], inputs["past_values_1"]
+        assert t + 1 >= 100 or keys.shape[1] > t
+        for past in range(max(0, t - 99), t + 1):
+            slot = past % keys.shape[1]
+            np.testing.assert_array_equal(keys[:, slot, 0], 1000 + past + np.arange(n) / 8)
+            np.testing.assert_array_equal(values[:, slot], keys[:, slot] - 0.5)
+
+
+def test_keys_for_older_bundles_stand_in_order():
+    cache = KeyValueCache(n_layers=2, n_batch=2, dim=1, limit=100, in_order=True)
+    for t in range(250):
+        cache.append(frame(t, 2), frame(t, 2))
+        rows = cache.inputs(1)["past_values_0"]
+        np.testing.assert_array_equal(rows[0, :, 0], range(max(0, t - 99), t + 1))
 
 
 def test_styles():
