@@ -46,12 +46,6 @@ def key_and_value(attention: nn.MultiheadAttention) -> list[nn.Linear]:
     return [rows(attention, index) for index in (1, 2)]
 
 
-def scaled(query: nn.Linear, head_dim: int) -> nn.Linear:
-    """A query projection that includes the scale of the attention."""
-    scale = head_dim**-0.5
-    return linear(query.weight.double() * scale, query.bias.double() * scale)
-
-
 def stack(layers: list[nn.Linear]) -> nn.Linear:
     """Layers of one width side by side: (in) to (n_layers * out)."""
     return linear(
@@ -71,12 +65,14 @@ class SelfAttentionStep(nn.Module):
         super().__init__()
         n_heads, dim = attention.num_heads, attention.embed_dim
         head_dim = dim // n_heads
-        self.to_qkv = stack([scaled(rows(attention, 0), head_dim), *key_and_value(attention)])
+        self.to_qkv = stack([rows(attention, 0), *key_and_value(attention)])
         self.to_out = attention.out_proj
         owner = torch.arange(dim) // head_dim
-        heads = (torch.arange(n_heads)[:, None] == owner).float()
-        self.register_buffer("heads", heads[:, None])
+        heads = (torch.arange(n_heads)[:, None] == owner).float()[:, None]
+        self.register_buffer("heads", heads)
+        self.register_buffer("scaled_heads", heads * head_dim**-0.5)
         self.heads: Tensor
+        self.scaled_heads: Tensor
 
     def forward(
         self, x: Tensor, keys: Tensor, values: Tensor, bias: Tensor
@@ -91,7 +87,7 @@ class SelfAttentionStep(nn.Module):
         """
         qkv = self.to_qkv(x)
         query, key, value = qkv[:, None].chunk(3, dim=-1)
-        per_head = query * self.heads
+        per_head = query * self.scaled_heads
         over_past = per_head @ keys[:, None].transpose(2, 3) + bias
         scores = torch.cat([over_past, per_head @ key.transpose(2, 3)], dim=3)
         of_past, own = torch.softmax(scores, dim=3).split([keys.shape[1], 1], dim=3)
@@ -105,12 +101,13 @@ class CrossAttentionStep(nn.Module):
     def __init__(self, attention: nn.MultiheadAttention) -> None:
         super().__init__()
         self.n_heads = attention.num_heads
-        self.to_query = scaled(rows(attention, 0), attention.embed_dim // self.n_heads)
+        self.to_query = rows(attention, 0)
+        self.scale = (attention.embed_dim // self.n_heads) ** -0.5
         self.to_out = attention.out_proj
 
     def forward(self, x: Tensor, keys: Tensor, values: Tensor) -> Tensor:
         """x (B, 1, D), keys and values (B, 1, rows, heads, head width) to (B, 1, D)."""
-        query = self.to_query(x).unflatten(-1, (1, self.n_heads, -1))
+        query = (self.to_query(x) * self.scale).unflatten(-1, (1, self.n_heads, -1))
         weights = torch.softmax((query * keys).sum(dim=-1, keepdim=True), dim=2)
         return cast(Tensor, self.to_out((weights * values).sum(dim=2).flatten(2)))
 
