@@ -172,3 +172,44 @@ def test_batches_are_their_clips(exported):
     (together,) = motion.run(("feedback",), vectors, last)
     apart = np.concatenate([motion.run(("feedback",), v[None], last)[0] for v in vectors])
     np.testing.assert_allclose(together, apart, atol=1e-5)
+
+
+@pytest.fixture
+def step_inputs(exported):
+    """Makes inputs of the decoder step for a batch of three, but for the past."""
+    _, animator, _ = exported
+    entry = animator.manifest.parts[0].decoder_step
+    rng = np.random.default_rng(1)
+    fixed = {
+        t.name: rng.standard_normal(
+            [3 if a == "batch" else int(a) for a in t.axes], dtype=np.float32
+        )
+        for t in entry.inputs
+        if t.name != "step" and not t.name.startswith("past_")
+    }
+
+    def run(step, past):
+        rows = {t.name: past[i] for i, t in enumerate(e for e in entry.inputs if "past_" in e.name)}
+        names = [t.name for t in entry.outputs]
+        return animator.parts[0].decoder_step.run(names, step=np.array(step), **fixed, **rows)
+
+    n_layers = animator.parts[0].n_layers
+    past = rng.standard_normal((2 * n_layers, 3, 22, animator.parts[0].dim), dtype=np.float32)
+    return run, past
+
+
+def test_slots_are_a_ring(step_inputs):
+    """Frame t stands in slot t mod n_slots: another step of the same phase is the same, rolled."""
+    run, past = step_inputs
+    in_order = run(44, past)
+    rolled = run(33, np.roll(past, 11, axis=2))  # 11 is the period, 22 the number of slots
+    for want, got in zip(in_order, rolled, strict=True):
+        np.testing.assert_allclose(got, want, atol=2e-6)
+    assert np.abs(run(33, past)[0] - in_order[0]).max() > 1e-3
+
+
+def test_empty_slots_are_left_out(step_inputs):
+    run, past = step_inputs
+    for step in (0, 1, 13):
+        for want, got in zip(run(step, past[:, :, :step]), run(step, past), strict=True):
+            np.testing.assert_allclose(got, want, atol=2e-6)

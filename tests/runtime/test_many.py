@@ -8,6 +8,7 @@ from conftest import SPEECH, TINY
 import facecode
 from facecode.audio import load_audio
 from facecode.errors import AudioError, AudioNotFoundError, StyleError
+from facecode.window import LONGEST_PAST
 
 LENGTHS_S = (1.3, 0.2, 2.04, 0.77, 0.2)
 
@@ -34,6 +35,19 @@ def test_a_clip_in_a_batch_is_the_clip_alone(tiny, recordings, batch_size, windo
         np.testing.assert_array_equal(clip.codes, alone.codes)
         np.testing.assert_allclose(clip.offsets, alone.offsets, atol=1e-5)
         np.testing.assert_array_equal(clip.audio, alone.audio)
+
+
+@pytest.mark.parametrize("bundle", [TINY, None], ids=["older bundle", "packaged"])
+def test_long_clips_in_a_batch_are_the_clips_alone(bundle):
+    """More frames than `window` looks back: the past wraps round its slots."""
+    face = facecode.load(bundle)
+    speech = np.resize(load_audio(SPEECH, 16_000), 22 * 16_000)
+    clips = [speech, speech[16_000 : 22 * 16_000]]
+    many = facecode.animate_many(clips, face=face, mode="window", window=4)
+    for audio, clip in zip(clips, many, strict=True):
+        assert len(clip.codes) > LONGEST_PAST
+        alone = face.animate(audio, mode="window", window=4)
+        np.testing.assert_array_equal(clip.codes, alone.codes)
 
 
 def test_errors_stand_in_the_place_of_their_clip(tiny, recordings, tmp_path):
