@@ -86,7 +86,7 @@ class QueryStage:
         lengths = self.speech.lengths["train"]
         for group in batches(lengths, self.config.batch_size, self.config.crop_frames, rng):
             terms = self._terms("train", group)
-            yield total(terms, self.losses), terms
+            yield total(terms, self.losses, self.net.part.n_samples), terms
 
     def end_epoch(self, rng: np.random.Generator) -> None:
         """Nothing to do."""

@@ -106,8 +106,10 @@ def test_diversity_is_half_where_it_is_said_to_be_and_knows_no_length():
 def test_total_weighs_every_term(batch):
     terms = [t.detach() for t in terms_of(batch).values()]
     losses = DiverseLosses(diversity=2, every_sample=3, closure=4, regulariser=5, target_code=6)
-    want = sum(w * float(t) for w, t in zip((2, 1, 3, 4, 5, 6), terms, strict=True))
-    assert float(total(terms, losses)) == pytest.approx(want, rel=1e-5)
+    for n_samples in (5, 15):
+        weights = (2 * n_samples, 1, 3, 4, 5, 6)
+        want = sum(w * float(t) for w, t in zip(weights, terms, strict=True))
+        assert float(total(terms, losses, n_samples)) == pytest.approx(want, rel=1e-5)
 
 
 def test_an_open_mouth_is_one_that_opens_for_its_subject():
