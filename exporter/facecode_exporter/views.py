@@ -56,23 +56,20 @@ def stack(layers: list[nn.Linear]) -> nn.Linear:
 class SelfAttentionStep(nn.Module):
     """Self-attention of one new frame over the past rows and itself.
 
-    The query of each head stands in a row of its own, zero outside that head's channels, and meets
-    the (n, D) rows where they lie. It costs as many times the multiplications as there are heads,
-    but no transposed copy; and a product with one row is one that onnxruntime does not pack for.
+    Past rows lie head by head, as the products read them; a product with one row is one for which
+    onnxruntime neither packs nor copies the other side.
     """
 
     def __init__(self, attention: nn.MultiheadAttention) -> None:
         super().__init__()
-        n_heads, dim = attention.num_heads, attention.embed_dim
-        head_dim = dim // n_heads
+        self.n_heads, self.dim = attention.num_heads, attention.embed_dim
         self.to_qkv = stack([rows(attention, 0), *key_and_value(attention)])
         self.to_out = attention.out_proj
-        owner = torch.arange(dim) // head_dim
-        heads = (torch.arange(n_heads)[:, None] == owner).float()[:, None]
-        self.register_buffer("heads", heads)
-        self.register_buffer("scaled_heads", heads * head_dim**-0.5)
-        self.heads: Tensor
-        self.scaled_heads: Tensor
+        # Of the query alone, and not one number: onnxruntime would join that with the product.
+        scales = torch.ones(3 * self.dim)
+        scales[: self.dim] = (self.dim // self.n_heads) ** -0.5
+        self.register_buffer("scales", scales)
+        self.scales: Tensor
 
     def forward(
         self, x: Tensor, keys: Tensor, values: Tensor, bias: Tensor
@@ -81,18 +78,19 @@ class SelfAttentionStep(nn.Module):
 
         Args:
             x: (B, 1, D).
-            keys: of the past, (B, n, D).
-            values: of the past, (B, n, D).
+            keys: of the past, (B, heads, n, head width).
+            values: of the past, (B, heads, n, head width).
             bias: (heads, 1, n).
         """
-        qkv = self.to_qkv(x)
-        query, key, value = qkv[:, None].chunk(3, dim=-1)
-        per_head = query * self.scaled_heads
-        over_past = per_head @ keys[:, None].transpose(2, 3) + bias
-        scores = torch.cat([over_past, per_head @ key.transpose(2, 3)], dim=3)
-        of_past, own = torch.softmax(scores, dim=3).split([keys.shape[1], 1], dim=3)
-        mixed = of_past @ values[:, None] + own * value
-        return self.to_out((mixed * self.heads).sum(dim=1)), qkv
+        qkv = self.to_qkv(x) * self.scales
+        width = self.dim // self.n_heads
+        query, key, value = qkv.reshape(-1, 3 * self.n_heads, 1, width).chunk(3, dim=1)
+        over_past = query @ keys.transpose(2, 3) + bias
+        over_own = (query * key).sum(dim=3, keepdim=True)
+        scores = torch.cat([over_past, over_own], dim=3)
+        of_past, own = torch.softmax(scores, dim=3).split([keys.shape[2], 1], dim=3)
+        mixed = of_past @ values + own * value
+        return self.to_out(mixed.reshape(-1, 1, self.dim)), qkv
 
 
 class CrossAttentionStep(nn.Module):
@@ -158,7 +156,7 @@ class DecoderStepView(nn.Module):
         for embed, vectors in zip(self.condition_map.values(), conditions, strict=True):
             token = token + embed(vectors.flatten(1))
         x = token[:, None]
-        bias = self._bias(step, past[0].shape[1])
+        bias = self._bias(step, past[0].shape[2])
         rows_of_layers = []
         for i, layer in enumerate(self.layers):
             attended, qkv = self.self_attention[i](x, past[i], past[self.n_layers + i], bias)

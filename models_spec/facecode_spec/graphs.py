@@ -111,7 +111,7 @@ def decoder_step(system: SystemSpec, part: PartSpec) -> GraphSpec:
     empty and left out. A past without empty slots is one of n_slots = step.
     """
     decoder, codebook = part.cross_modal_decoder, part.codebook
-    past = ("batch", "n_slots", decoder.dim)
+    past = ("batch", decoder.n_heads, "n_slots", decoder.dim // decoder.n_heads)
     new_rows = (decoder.n_layers, "batch", decoder.dim)
     return GraphSpec(
         DECODER_STEP,

@@ -33,58 +33,60 @@ class GrowingBuffer:
         return self._data[:n_batch, : self.n_rows]
 
 
-MORE_SLOTS = 64
+MORE_SLOTS = 32
 
 
 class KeyValueCache:
-    """Past keys and values of every self-attention layer, a slot a frame.
+    """Past keys and values of every self-attention layer, head by head, a slot a frame.
 
-    With a `limit` the slots are a ring: the newest frame takes that of the oldest. A batch is
-    handed over with its empty slots, which the graph ignores: without them it would not be
-    contiguous, and be copied at every step.
+    With a `limit` the slots are a ring: the newest frame takes that of the oldest. They are handed
+    over with the empty ones, which the graph ignores: without them rows would not be contiguous,
+    and be copied at every step.
     """
 
     def __init__(
-        self,
-        n_layers: int,
-        n_batch: int,
-        dim: int,
-        limit: int | None = None,
-        in_order: bool = False,
+        self, n_layers: int, n_batch: int, dim: int, n_heads: int | None, limit: int | None = None
     ) -> None:
         """Empty; with a `limit`, of that many frames at most.
 
-        `in_order`: without empty slots, the oldest frame first, as older bundles want it.
+        `n_heads` None: rows of all heads without empty slots, the oldest frame first, (b, n, D), as
+        older bundles want them.
         """
-        self._limit, self._in_order = limit, in_order
-        self._rows = np.zeros((2, n_layers, n_batch, MORE_SLOTS, dim), dtype=np.float32)
+        self._limit, self._in_order = limit, n_heads is None
+        self._heads = (n_heads or 1, dim // (n_heads or 1))
+        n_heads, width = self._heads
+        self._rows = np.zeros((2, n_layers, n_batch, n_heads, MORE_SLOTS, width), np.float32)
         self._n_frames = 0
 
     def append(self, keys: AnyArray, values: AnyArray) -> None:
         """Add the new rows of all layers: keys and values (n_layers, b, D)."""
         slot = self._n_frames if self._limit is None else self._n_frames % self._limit
-        if slot == self._rows.shape[3]:
+        if slot == self._rows.shape[4]:
             self._grow()
         n = keys.shape[1]
-        self._rows[0, :, :n, slot], self._rows[1, :, :n, slot] = keys, values
+        for kind, rows in zip(self._rows, (keys, values), strict=True):
+            kind[:, :n, :, slot] = rows.reshape(*rows.shape[:2], *self._heads)
         self._n_frames += 1
 
     def _grow(self) -> None:
-        n_slots = self._rows.shape[3]
-        wanted = n_slots + max(MORE_SLOTS, n_slots // 4)
+        n_slots = self._rows.shape[4]
+        wanted = n_slots + max(MORE_SLOTS, n_slots // 8)
         n_new = wanted if self._limit is None else min(wanted, self._limit)
-        shape = (*self._rows.shape[:3], n_new, self._rows.shape[4])
-        grown = np.zeros(shape, dtype=np.float32)
-        grown[:, :, :, :n_slots] = self._rows
+        grown = np.zeros((*self._rows.shape[:4], n_new, self._heads[1]), np.float32)
+        grown[:, :, :, :, :n_slots] = self._rows
         self._rows = grown
 
     def inputs(self, n_batch: int | None = None) -> dict[str, AnyArray]:
-        """The graph inputs `past_keys_i` and `past_values_i`, each (b, n_slots, D)."""
+        """The graph inputs `past_keys_i` and `past_values_i`, each (b, heads, n_slots, width)."""
         rows = self._rows[:, :, :n_batch]
-        filled = self._n_frames if self._limit is None else min(self._n_frames, self._limit)
-        if rows.shape[2] == 1 or self._in_order:
-            rows = rows[:, :, :, :filled]
-        if self._in_order and self._n_frames > filled:
-            rows = np.roll(rows, -(self._n_frames % filled), axis=3)
+        if self._in_order:
+            rows = self._ordered(rows)
         kinds = zip(("past_keys", "past_values"), rows, strict=True)
         return {f"{kind}_{i}": layer for kind, layers in kinds for i, layer in enumerate(layers)}
+
+    def _ordered(self, rows: AnyArray) -> AnyArray:
+        """The filled slots of the one head, the oldest frame first."""
+        n_filled = self._n_frames if self._limit is None else min(self._n_frames, self._limit)
+        filled = rows[:, :, :, 0, :n_filled]
+        has_wrapped = self._n_frames > n_filled
+        return np.roll(filled, -(self._n_frames % n_filled), axis=3) if has_wrapped else filled

@@ -72,7 +72,7 @@ class GeneratedPart:
         self._weights = np.repeat(weights, len(samples), axis=0)
         self._samples = np.tile(samples, len(weights))
         self._cache = KeyValueCache(
-            *(part.n_layers, n_rows, part.dim, motion.longest_past), in_order=not part.ignores_empty
+            part.n_layers, n_rows, part.dim, part.past_heads, motion.longest_past
         )
 
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:

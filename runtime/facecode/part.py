@@ -32,8 +32,8 @@ class Part:
     codes_per_frame: int
     memory: tuple[str, ...]
     """What the decoder step reads of the encoded speech."""
-    ignores_empty: bool
-    """Whether the decoder step leaves out slots of its past that no frame has filled."""
+    past_heads: int | None
+    """Heads of the decoder step's past; None: rows of all heads, as in older bundles."""
     n_samples: int = 1
     conditions_on: tuple[str, ...] = ()
     vertices: Indices | None = None
@@ -67,7 +67,7 @@ class Part:
             int(dim),
             int(codes_per_frame),
             tuple(name for name in given if name in wanted),
-            "n_slots" in wanted[past_keys(0)],
+            int(wanted[past_keys(0)][1]) if "n_slots" in wanted[past_keys(0)] else None,
             entry.n_samples,
             entry.conditions_on,
             bundle.part_vertices(entry),

@@ -154,13 +154,14 @@ def test_cached_steps_are_the_prefix_pass(exported):
         tokens = motions + (style @ net.learnable_style_emb.weight)[:, None]
         want = net.features(tokens, memory)
         cross = SpeechEncoderView(net)(audio)
-        past = [torch.zeros(batch, 0, dim) for _ in range(2 * layers)]
+        n_heads = net.part.cross_modal_decoder.n_heads
+        past = [torch.zeros(batch, n_heads, 0, dim // n_heads) for _ in range(2 * layers)]
         for t in range(n):
             frame = [c[:, t] for c in cross]
             got, keys, values = view(motions[:, t], style, torch.tensor(t), *frame, *past)
             torch.testing.assert_close(got, want[:, t], rtol=1e-4, atol=1e-4)
-            new = [*keys, *values]
-            past = [torch.cat([p, r[:, None]], dim=1) for p, r in zip(past, new, strict=True)]
+            new = [r.reshape(batch, n_heads, 1, -1) for r in (*keys, *values)]
+            past = [torch.cat(pair, dim=2) for pair in zip(past, new, strict=True)]
 
 
 def test_batches_are_their_clips(exported):
@@ -194,7 +195,8 @@ def step_inputs(exported):
         return animator.parts[0].decoder_step.run(names, step=np.array(step), **fixed, **rows)
 
     n_layers = animator.parts[0].n_layers
-    past = rng.standard_normal((2 * n_layers, 3, 22, animator.parts[0].dim), dtype=np.float32)
+    n_heads, dim = animator.parts[0].past_heads, animator.parts[0].dim
+    past = rng.standard_normal((2 * n_layers, 3, n_heads, 22, dim // n_heads), dtype=np.float32)
     return run, past
 
 
@@ -202,7 +204,7 @@ def test_slots_are_a_ring(step_inputs):
     """Frame t stands in slot t mod n_slots: another step of the same phase is the same, rolled."""
     run, past = step_inputs
     in_order = run(44, past)
-    rolled = run(33, np.roll(past, 11, axis=2))  # 11 is the period, 22 the number of slots
+    rolled = run(33, np.roll(past, 11, axis=3))  # 11 is the period, 22 the number of slots
     for want, got in zip(in_order, rolled, strict=True):
         np.testing.assert_allclose(got, want, atol=2e-6)
     assert np.abs(run(33, past)[0] - in_order[0]).max() > 1e-3
@@ -211,5 +213,5 @@ def test_slots_are_a_ring(step_inputs):
 def test_empty_slots_are_left_out(step_inputs):
     run, past = step_inputs
     for step in (0, 1, 13):
-        for want, got in zip(run(step, past[:, :, :step]), run(step, past), strict=True):
+        for want, got in zip(run(step, past[:, :, :, :step]), run(step, past), strict=True):
             np.testing.assert_allclose(got, want, atol=2e-6)

@@ -43,37 +43,35 @@ def test_buffer_grows_and_keeps_its_rows():
     np.testing.assert_array_equal(buffer.view(), rows.transpose(1, 0, 2))
 
 
-def test_keys_of_one_clip_are_its_frames_without_a_copy():
-    cache = KeyValueCache(n_layers=2, n_batch=1, dim=3)
-    assert cache.inputs()["past_keys_1"].shape == (1, 0, 3)
-    cache.append(np.ones((2, 1, 3)), np.ones((2, 1, 3)))
-    assert list(cache.inputs()) == ["past_keys_0", "past_keys_1", "past_values_0", "past_values_1"]
-    assert all(rows.flags.c_contiguous for rows in cache.inputs().values())
-    assert all(rows.base is not None for rows in cache.inputs().values())
-
-
 def frame(t: int, n_batch: int) -> np.ndarray:
-    """Rows (2 layers, batch, 1) that tell frame and clip apart; values are the keys less 0.5."""
-    return np.stack([t + np.arange(n_batch) / 8, 1000 + t + np.arange(n_batch) / 8])[..., None]
+    """Rows (2 layers, batch, 4) that tell frame, clip and channel apart."""
+    clip = t + np.arange(n_batch)[:, None] / 8 + np.arange(4) / 64
+    return np.stack([clip, 1000 + clip]).astype(np.float32)
 
 
-def test_keys_of_a_batch_stand_in_their_slots_and_are_not_copied():
-    cache = KeyValueCache(n_layers=2, n_batch=3, dim=1, limit=100)
+@pytest.mark.parametrize("n_batch", [1, 3])
+@pytest.mark.parametrize("limit", [None, 100])
+def test_keys_stand_in_their_slots_head_by_head_and_are_not_copied(n_batch, limit):
+    cache = KeyValueCache(n_layers=2, n_batch=n_batch, dim=4, n_heads=2, limit=limit)
+    assert list(cache.inputs()) == ["past_keys_0", "past_keys_1", "past_values_0", "past_values_1"]
     for t in range(250):
-        n = 3 if t < 120 else 2
+        n = n_batch if t < 120 else 1
         cache.append(frame(t, n), frame(t, n) - 0.5)
         inputs = cache.inputs(n)
-        assert all(rows.flags.c_contiguous for rows in inputs.values())
+        assert all(rows.flags.c_contiguous and rows.base is not None for rows in inputs.values())
         keys, values = inputs["past_keys_1"], inputs["past_values_1"]
-        assert t + 1 >= 100 or keys.shape[1] > t
-        for past in range(max(0, t - 99), t + 1):
-            slot = past % keys.shape[1]
-            np.testing.assert_array_equal(keys[:, slot, 0], 1000 + past + np.arange(n) / 8)
-            np.testing.assert_array_equal(values[:, slot], keys[:, slot] - 0.5)
+        oldest = 0 if limit is None else max(0, t + 1 - limit)
+        assert t + 1 - oldest <= keys.shape[2] <= (limit or 1.125 * (t + 33))
+        for past in range(oldest, t + 1):
+            slot = past % keys.shape[2]
+            rows = frame(past, n)[1].reshape(n, 2, 2)
+            np.testing.assert_array_equal(keys[:, :, slot], rows)
+            np.testing.assert_array_equal(values[:, :, slot], rows - 0.5)
 
 
 def test_keys_for_older_bundles_stand_in_order():
-    cache = KeyValueCache(n_layers=2, n_batch=2, dim=1, limit=100, in_order=True)
+    cache = KeyValueCache(n_layers=2, n_batch=2, dim=4, n_heads=None, limit=100)
+    assert cache.inputs()["past_keys_1"].shape == (2, 0, 4)
     for t in range(250):
         cache.append(frame(t, 2), frame(t, 2))
         rows = cache.inputs(1)["past_values_0"]
