@@ -111,10 +111,7 @@ class CrossAttentionStep(nn.Module):
 
 
 class DecoderStepView(nn.Module):
-    """One frame of the cross-modal decoder; the state is passed in and the new rows come out.
-
-    A frame keeps its axis, (B, 1, D): onnxruntime joins sums and layer norms of three axes only.
-    """
+    """One frame of the cross-modal decoder; the state is passed in and the new rows come out."""
 
     def __init__(self, net: PartNet) -> None:
         super().__init__()
