@@ -105,8 +105,8 @@ N_SEGMENTS = 4
 class SegmentedConvolutions(nn.Module):
     """The convolutions of wav2vec 2.0, a quarter of the clip after the other.
 
-    At 30 s the first layer's output takes 200 MB, and what follows it as much again. Each feature
-    depends on 400 samples alone, so that segments give the same features.
+    At 30 s the first layer's output takes 200 MB, and what follows it as much again. But for that
+    norm, each feature depends on 400 samples alone, so that segments give the same features.
     """
 
     def __init__(self, layers: Sequence[nn.Module]) -> None:
