@@ -50,7 +50,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
         help="a folder, made if need be: one file a recording, several at once",
     )
     animate.add_argument(
-        "--format", choices=[s[1:] for s in writers.WRITERS], default="npz", help="with --out-dir"
+        "--format", choices=[s[1:] for s in writers.FORMATS], default="npz", help="with --out-dir"
     )
     animate.add_argument("--bundle", type=Path, metavar="DIR", default=PACKAGED_BUNDLE)
     animate.add_argument("--style", type=str, help="a name, or a mix such as a:0.3,b:0.7")
@@ -129,7 +129,7 @@ def _animate_one(args: argparse.Namespace, source: str) -> None:
     audio = io.BytesIO(sys.stdin.buffer.read()) if source == STANDARD_STREAM else Path(source)
     start = time.perf_counter()
     face = facecode.load(args.bundle, threads=args.threads)
-    writers.check_faces(output, face.bundle.faces)
+    writers.check_face(writers.format_of(output), face.bundle.faces is not None, False)
     clip = face.animate(
         audio,
         None if args.style is None else parse_style(args.style),
@@ -142,7 +142,9 @@ def _animate_one(args: argparse.Namespace, source: str) -> None:
     )
     if to_stdout:
         buffer = io.BytesIO()  # a zip file needs to seek
-        writers.write(clip, buffer, output.suffix)
+        writers.write(
+            clip.clips if isinstance(clip, Takes) else clip, buffer, writers.format_of(output)
+        )
         sys.stdout.buffer.write(buffer.getbuffer())
         sys.stdout.buffer.flush()
         return
@@ -230,7 +232,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _suffixes() -> str:
-    return ", ".join(writers.WRITERS)
+    return ", ".join(writers.FORMATS)
 
 
 def _add_mode(parser: argparse.ArgumentParser) -> None:

@@ -25,7 +25,8 @@ FacecodeError
     OutputSuffixError (ValueError)
     OutputFolderError (FileNotFoundError)
     OutputWriteError (OSError)         disk full, no permission
-    NoFacesError (ValueError)          a picture of a face whose triangles are not known
+    NoFacesError (ValueError)          a surface of a face whose triangles are not known
+    NoRigError (ValueError)            weights of a face whose units are not known
   MissingExtraError (ImportError)      an optional dependency is not installed
 
 Messages say what was got, what was expected and what to do next.
@@ -153,5 +154,22 @@ class NoFacesError(OutputError, ValueError):
         )
 
 
+class NoRigError(OutputError, ValueError):
+    """The format holds weights of face units, and the bundle has none."""
+
+    @classmethod
+    def to_write(cls, suffix: str) -> NoRigError:
+        """The error for a format that needs a rig."""
+        return cls(
+            f"{suffix} needs face units, and this bundle has none: export it again with "
+            "--units FILE.npz, names (K,) and deltas (K, V, 3)"
+        )
+
+
 class MissingExtraError(FacecodeError, ImportError):
     """An optional dependency is not installed."""
+
+    @classmethod
+    def of(cls, what: str, package: str, extra: str) -> MissingExtraError:
+        """The error for `what`, which needs `package` out of the extra `extra`."""
+        return cls(f"{what} needs {package}: pip install 'facecode[{extra}]'")

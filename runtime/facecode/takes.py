@@ -81,4 +81,4 @@ class Takes:
         Raises:
             OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, MissingExtraError.
         """
-        writers.save(self, Path(path), progress)
+        writers.save(self.clips, Path(path), progress)

@@ -16,6 +16,7 @@ from conftest import SPEECH, TINY
 from facecode import writers
 from facecode.cli import main
 from facecode.errors import OutputWriteError
+from facecode.writers.format import Format
 
 
 def animate(run_cli, *args, audio=SPEECH, **kwargs):
@@ -176,7 +177,7 @@ def test_interrupted_writer_leaves_nothing(tiny, tmp_path, monkeypatch):
         file.write(b"half")
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(writers.WRITERS, ".npz", interrupted)
+    monkeypatch.setitem(writers.FORMATS, ".npz", Format(".npz", interrupted))
     with pytest.raises(KeyboardInterrupt):
         tiny.animate(SPEECH).save(tmp_path / "talk.npz")
     assert not list(tmp_path.iterdir())
@@ -188,7 +189,7 @@ def test_terminated_writer_leaves_nothing(monkeypatch, tmp_path):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(5)
 
-    monkeypatch.setitem(writers.WRITERS, ".npz", terminated)
+    monkeypatch.setitem(writers.FORMATS, ".npz", Format(".npz", terminated))
     out = str(tmp_path / "talk.npz")
     with pytest.raises(SystemExit) as ended:
         main(["animate", str(SPEECH), "--bundle", str(TINY), "-o", out, "--quiet"])

@@ -24,6 +24,7 @@ from facecode.errors import MissingExtraError, NoFacesError, OutputWriteError
 from facecode.render import raster
 from facecode.render.picture import Renderer
 from facecode.render.surface import vertex_normals
+from facecode.writers.format import Format
 from facecode.writers.mp4 import SIZE, SOUND_RATE
 
 
@@ -320,7 +321,7 @@ def test_a_disk_that_fails_is_an_output_error(monkeypatch, tmp_path):
     def full(_animation, _file, _progress):
         raise av.error.OSError(28, "No space left on device")
 
-    monkeypatch.setitem(writers.WRITERS, ".mp4", full)
+    monkeypatch.setitem(writers.FORMATS, ".mp4", Format(".mp4", full))
     with pytest.raises(OutputWriteError, match="No space"):
         clip().save(tmp_path / "talk.mp4")
     assert not list(tmp_path.iterdir())

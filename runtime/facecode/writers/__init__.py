@@ -1,80 +1,99 @@
-"""One output format a file; the suffix of the output picks the writer."""
+"""Output formats: the suffix picks one of FORMATS. A new format is a new file and its line here."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, TypeAlias
+from typing import BinaryIO
 
-from facecode.arrays import Faces
-from facecode.errors import NoFacesError, OutputSuffixError
+from facecode.clip import Clip
+from facecode.errors import NoFacesError, NoRigError, OutputSuffixError
 from facecode.writers.atomic import check_folder, writing
-from facecode.writers.mp4 import check_mp4, write_mp4, write_side_by_side
-from facecode.writers.npz import write_npz, write_takes_npz
+from facecode.writers.format import Format
+from facecode.writers.mp4 import MP4
+from facecode.writers.npz import NPZ
 
-if TYPE_CHECKING:
-    from facecode.animation import Animation
-    from facecode.takes import Takes
+FORMATS: dict[str, Format] = {f.suffix: f for f in (NPZ, MP4)}
+"""By suffix, in the order in which they are shown to users."""
 
-Writer: TypeAlias = "Callable[[Animation, BinaryIO, bool], None]"
-"""(animation, an open file, whether to show progress on stderr)"""
-WRITERS: dict[str, Writer] = {".npz": write_npz, ".mp4": write_mp4}
-TAKES_WRITERS: dict[str, Callable[[Takes, BinaryIO, bool], None]] = {
-    ".npz": write_takes_npz,
-    ".mp4": lambda takes, file, progress: write_side_by_side(takes.clips, file, progress),
-}
-"""The same for several faces of one recording."""
-CHECKS: dict[str, Callable[[], None]] = {".mp4": check_mp4}
-"""What a format needs that may not be installed."""
-NEED_FACES = frozenset({".mp4"})
+
+def format_of(path: Path) -> Format:
+    """The format that the suffix of `path` names.
+
+    Raises:
+        OutputSuffixError
+    """
+    try:
+        return FORMATS[path.suffix.lower()]
+    except KeyError:
+        raise OutputSuffixError(
+            f"cannot write {path.name!r}: the suffix is {path.suffix!r}; expected one of "
+            f"{', '.join(FORMATS)}"
+        ) from None
 
 
 def check_output(path: Path) -> None:
     """Refuse an output that cannot be written, before the work is done.
 
     Raises:
-        OutputSuffixError: no writer for the suffix.
+        OutputSuffixError: no format with that suffix.
         OutputFolderError: the folder does not exist.
         OutputWriteError: the output is a folder.
         MissingExtraError: the format needs a package that is not installed.
     """
-    if path.suffix.lower() not in WRITERS:
-        raise OutputSuffixError(
-            f"cannot write {path.name!r}: the suffix is {path.suffix!r}; expected one of "
-            f"{', '.join(WRITERS)}"
-        )
+    found = format_of(path)
     check_folder(path)
-    CHECKS.get(path.suffix.lower(), lambda: None)()
+    found.check()
 
 
-def check_faces(path: Path, faces: Faces | None) -> None:
-    """Refuse a format that shows a surface for a face without one, before the work is done.
+def check_face(found: Format, has_faces: bool, has_rig: bool, n_faces: int = 1) -> None:
+    """Refuse a format that cannot hold what there is, before the work is done.
+
+    Args:
+        found: the format.
+        has_faces: whether the triangles are known.
+        has_rig: whether the face units are known.
+        n_faces: how many faces of one recording go into the file.
 
     Raises:
-        NoFacesError
+        NoFacesError, NoRigError.
+        OutputSuffixError: the format holds one face, and there are several.
     """
-    suffix = path.suffix.lower()
-    if faces is None and suffix in NEED_FACES:
-        raise NoFacesError.to_write(suffix)
+    if found.needs_faces and not has_faces:
+        raise NoFacesError.to_write(found.suffix)
+    if found.needs_rig and not has_rig:
+        raise NoRigError.to_write(found.suffix)
+    if n_faces > 1 and found.write_takes is None:
+        several = [f.suffix for f in FORMATS.values() if f.write_takes is not None]
+        raise OutputSuffixError(
+            f"{found.suffix} holds one face, and there are {n_faces}; expected one of "
+            f"{', '.join(several)}, or ask for one sample"
+        )
 
 
-def save(moved: Animation | Takes, path: Path, progress: bool = False) -> None:
-    """Write one face or several in the format of the suffix, whole or not at all.
+def save(clips: Clip | Sequence[Clip], path: Path, progress: bool = False) -> None:
+    """Write one face, or several of one recording, in the format of the suffix; whole or not.
 
     Raises:
-        OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, MissingExtraError.
+        OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, NoRigError,
+        MissingExtraError.
     """
     check_output(path)
-    check_faces(path, moved.faces)
     with writing(path) as file:
-        write(moved, file, path.suffix, progress)
+        write(clips, file, format_of(path), progress)
 
 
-def write(moved: Animation | Takes, file: BinaryIO, suffix: str, progress: bool = False) -> None:
-    """Write one face or several to an open file."""
-    from facecode.takes import Takes
+def write(
+    clips: Clip | Sequence[Clip], file: BinaryIO, found: Format, progress: bool = False
+) -> None:
+    """Write one face, or several of one recording, to an open file that can seek.
 
-    if isinstance(moved, Takes):
-        TAKES_WRITERS[suffix.lower()](moved, file, progress)
+    Raises:
+        OutputSuffixError, NoFacesError, NoRigError.
+    """
+    first, n_faces = (clips, 1) if isinstance(clips, Clip) else (clips[0], len(clips))
+    check_face(found, first.faces is not None, first.rig is not None, n_faces)
+    if isinstance(clips, Clip) or found.write_takes is None:
+        found.write(first, file, progress)
     else:
-        WRITERS[suffix.lower()](moved, file, progress)
+        found.write_takes(clips, file, progress)

@@ -1,6 +1,6 @@
 """A film to look at: H.264 and, where the clip has audio, AAC, in an .mp4 that starts at once.
 
-Comes in: an animation with faces, or several. Goes out: a square picture of each per frame of
+Comes in: a clip with faces, or several. Goes out: a square picture of each per frame of
 motion, in a row, and the speech, cut or padded to the same length. Knows nothing of triangles or
 light.
 """
@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from facecode.arrays import Float32
+from facecode.clip import Clip
 from facecode.errors import MissingExtraError, NoFacesError
+from facecode.writers.format import Format
 
 if TYPE_CHECKING:
-    from facecode.animation import Animation
     from facecode.render.paint import Picture
     from facecode.render.picture import Renderer
 
@@ -45,25 +46,23 @@ def check_mp4() -> None:
     _av()
 
 
-def write_mp4(animation: Animation, file: BinaryIO, progress: bool = False) -> None:
-    """Render and write an animation to an open binary file that can seek.
+def write_mp4(clip: Clip, file: BinaryIO, progress: bool = False) -> None:
+    """Render and write a clip to an open binary file that can seek.
 
     Raises:
         NoFacesError: the clip has no triangles.
         MissingExtraError: av is not installed.
     """
-    _write([animation], file, progress, SIZE)
+    _write([clip], file, progress, SIZE)
 
 
-def write_side_by_side(
-    animations: Sequence[Animation], file: BinaryIO, progress: bool = False
-) -> None:
+def write_side_by_side(clips: Sequence[Clip], file: BinaryIO, progress: bool = False) -> None:
     """Several faces in a row, PANEL pixels each, and the sound of the first.
 
     Each is framed by itself, as it would be alone.
 
     Args:
-        animations: one or more, of one rate and number of frames.
+        clips: one or more, of one rate and number of frames.
         file: open, binary, can seek.
         progress: show a bar on stderr.
 
@@ -72,45 +71,45 @@ def write_side_by_side(
         NoFacesError: one has no triangles.
         MissingExtraError: av is not installed.
     """
-    lengths = {(len(each.offsets), each.fps) for each in animations}
+    lengths = {(len(each.offsets), each.fps) for each in clips}
     if len(lengths) != 1:
         raise ValueError(
             f"expected clips of one rate and number of frames, got (frames, fps) {sorted(lengths)}"
         )
-    _write(animations, file, progress, PANEL)
+    _write(clips, file, progress, PANEL)
 
 
-def _write(animations: Sequence[Animation], file: BinaryIO, progress: bool, size: int) -> None:
+def _write(clips: Sequence[Clip], file: BinaryIO, progress: bool, size: int) -> None:
     av = _av()
-    first = animations[0]
+    first = clips[0]
     n_frames, rate = len(first.offsets), Fraction(first.fps).limit_denominator(1001)
-    renderers = [_renderer(animation, size) for animation in animations]
+    renderers = [_renderer(clip, size) for clip in clips]
     sound = _sound(first, n_frames / rate)
     n_packets = n_frames + (0 if sound is None else 2 + len(sound) // BLOCK)
     room = {"moov_size": str(HEADER_BYTES + BYTES_PER_PACKET * n_packets)}
     with av.open(file, "w", format="mp4", options=room) as film:
-        pictures = _picture_stream(film, rate, size * len(animations), size)
+        pictures = _picture_stream(film, rate, size * len(clips), size)
         if sound is not None:
             speech = film.add_stream("aac", rate=SOUND_RATE, layout="mono", bit_rate=BITS_PER_S)
-        heard = 0
+        written = 0
         for index, pixels in enumerate(_counted(_in_a_row(renderers), n_frames, progress)):
             film.mux(pictures.encode(_picture(av, pixels, index, rate)))
             if sound is not None:  # side by side, so that a player need not seek
                 until = len(sound) if index + 1 == n_frames else _samples_by(index + 1, rate)
-                for block in _blocks(av, sound, heard, until):
+                for block in _blocks(av, sound, written, until):
                     film.mux(speech.encode(block))
-                    heard = block.pts + block.samples
+                    written = block.pts + block.samples
         film.mux(pictures.encode(None))
         if sound is not None:
             film.mux(speech.encode(None))
 
 
-def _renderer(animation: Animation, size: int) -> Renderer:
+def _renderer(clip: Clip, size: int) -> Renderer:
     from facecode.render.picture import Renderer
 
-    if animation.faces is None:
+    if clip.faces is None:
         raise NoFacesError.to_write(".mp4")
-    return Renderer(animation.template, animation.offsets, animation.faces, animation.colours, size)
+    return Renderer(clip.template, clip.offsets, clip.faces, clip.colours, size)
 
 
 def _in_a_row(renderers: Sequence[Renderer]) -> Iterator[Picture]:
@@ -128,7 +127,7 @@ def _av() -> ModuleType:
     try:
         import av
     except ImportError as error:
-        raise MissingExtraError("writing .mp4 needs av: pip install 'facecode[video]'") from error
+        raise MissingExtraError.of("writing .mp4", "av", "video") from error
     return av
 
 
@@ -149,13 +148,13 @@ def _picture(av: Any, pixels: Any, index: int, rate: Fraction) -> Any:  # noqa: 
     return frame
 
 
-def _sound(animation: Animation, duration_s: Fraction) -> Float32 | None:
+def _sound(clip: Clip, duration_s: Fraction) -> Float32 | None:
     """The speech at SOUND_RATE, cut or padded to `duration_s`; None where the clip has none."""
-    if animation.audio is None or animation.sample_rate is None:
+    if clip.audio is None or clip.sample_rate is None:
         return None
     import soxr
 
-    speech = soxr.resample(animation.audio, animation.sample_rate, SOUND_RATE)
+    speech = soxr.resample(clip.audio, clip.sample_rate, SOUND_RATE)
     sound = np.zeros(round(duration_s * SOUND_RATE), np.float32)
     n_given = min(len(speech), len(sound))
     sound[:n_given] = np.clip(speech[:n_given], -1, 1)
@@ -183,3 +182,6 @@ def _counted(frames: Iterable[Picture], n_frames: int, progress: bool) -> Iterab
     from tqdm import tqdm
 
     return tqdm(frames, desc="render", unit="frame", total=n_frames)
+
+
+MP4 = Format(".mp4", write_mp4, write_side_by_side, needs_faces=True, check=check_mp4)

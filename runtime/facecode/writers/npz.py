@@ -6,28 +6,33 @@ say which columns of the codes belong to which.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, BinaryIO
+from collections.abc import Sequence
+from typing import BinaryIO
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from facecode.animation import Animation
-    from facecode.takes import Takes
+from facecode.arrays import AnyArray
+from facecode.clip import Clip
+from facecode.writers.format import Format
 
 
-def write_npz(animation: Animation, file: BinaryIO, progress: bool = False) -> None:  # noqa: ARG001
-    """Write an animation to an open binary file; too quick for `progress`."""
-    _write(file, animation, animation)
+def write_npz(clip: Clip, file: BinaryIO, progress: bool = False) -> None:  # noqa: ARG001
+    """Write a clip to an open binary file; too quick for `progress`."""
+    _write(file, clip, clip.offsets + clip.template, clip.codes)
 
 
-def write_takes_npz(takes: Takes, file: BinaryIO, progress: bool = False) -> None:  # noqa: ARG001
+def write_takes_npz(clips: Sequence[Clip], file: BinaryIO, progress: bool = False) -> None:  # noqa: ARG001
     """Write several faces of one recording: `vertices` (K, T, V, 3), `codes` (K, T, H)."""
-    _write(file, takes, takes[0])
+    vertices = np.stack([clip.offsets + clip.template for clip in clips])
+    _write(file, clips[0], vertices, np.stack([clip.codes for clip in clips]))
 
 
-def _write(file: BinaryIO, moved: Animation | Takes, first: Animation) -> None:
-    arrays = {"vertices": moved.vertices, "codes": moved.codes, "fps": np.float64(first.fps)}
+def _write(file: BinaryIO, first: Clip, vertices: AnyArray, codes: AnyArray) -> None:
+    arrays = {"vertices": vertices, "codes": codes, "fps": np.float64(first.fps)}
     if len(first.parts) > 1:
         arrays["parts"] = np.array(list(first.parts))
         arrays["codes_per_part"] = np.array(list(first.parts.values()))
     np.savez(file, allow_pickle=False, **arrays)
+
+
+NPZ = Format(".npz", write_npz, write_takes_npz)

@@ -1,0 +1,85 @@
+"""A face in motion as plain data: what the loop makes, what writers take.
+
+Knows nothing of bundles, files or formats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from facecode.arrays import Audio, Codes, Colours, Faces, Float32, Offsets, Template
+from facecode.errors import CodesError
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Named face units: a weight of 1 moves the template by the unit's deltas."""
+
+    names: tuple[str, ...]
+    """K names, ARKit's where the rig is one."""
+    deltas: Float32
+    """(K, V, 3) float32, in the unit of the clip."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """T frames of V vertices and H codes, with what is known of the face and of the speech."""
+
+    offsets: Offsets
+    """(T, V, 3) float32, from the template, in `unit`."""
+    codes: Codes
+    """(T, H) int64, rows of the codebook; several parts side by side."""
+    fps: float
+    """Frames per second."""
+    template: Template
+    """(V, 3) float32, the neutral face."""
+    faces: Faces | None = None
+    """(F, 3) int32 triangles, where the bundle knows its topology."""
+    colours: Colours | None = None
+    """(V, 3) uint8 sRGB, where the bundle has colours."""
+    audio: Audio | None = None
+    """The speech, (n_samples,) float32 mono at `sample_rate`."""
+    sample_rate: int | None = None
+    """Of `audio`, in Hz."""
+    parts: Mapping[str, int] = field(default_factory=dict)
+    """Codes a frame of each part of the face, in the order of their columns in `codes`."""
+    unit: str = ""
+    """The unit of length, in words."""
+    metres_per_unit: float | None = None
+    """What writers multiply by; None: not known."""
+    up_axis: str | None = None
+    """`x`, `y` or `z`; None: not known."""
+    styles: Mapping[str, float] = field(default_factory=dict)
+    """The weight of each style that was asked for."""
+    lip_pair: tuple[int, int] | None = None
+    """Upper and lower inner-lip vertex; their distance is the mouth opening."""
+    rig: Rig | None = None
+    """The face units of the bundle, where it has them."""
+
+    def codes_of(self, part: str) -> Codes:
+        """The codes (T, H) of one part.
+
+        Raises:
+            CodesError: no such part.
+        """
+        if part not in self.parts:
+            raise CodesError(f"got part {part!r}; the parts are {', '.join(self.parts)}")
+        names = list(self.parts)
+        start = sum(self.parts[name] for name in names[: names.index(part)])
+        return self.codes[:, start : start + self.parts[part]]
+
+    @property
+    def vertices(self) -> Offsets:
+        """Positions (T, V, 3) float32: template plus offsets, a new array each time."""
+        return self.offsets + self.template
+
+    @property
+    def n_frames(self) -> int:
+        """T."""
+        return len(self.codes)
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return len(self.codes) / self.fps

@@ -1,0 +1,51 @@
+"""What an output format is: one object, made in the file that writes it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, TypeAlias
+
+from facecode.clip import Clip
+
+Write: TypeAlias = "Callable[[Clip, BinaryIO, bool], None]"
+"""(clip, an open binary file that can seek, whether to show progress on stderr)"""
+WriteTakes: TypeAlias = "Callable[[Sequence[Clip], BinaryIO, bool], None]"
+"""The same for several clips of one recording, of one rate and length."""
+
+
+def _nothing_to_check() -> None:
+    """Formats of the core dependencies are always there."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format by its suffix."""
+
+    suffix: str
+    """Lower case, with the dot."""
+    write: Write
+    write_takes: WriteTakes | None = None
+    """None: a file holds one face."""
+    needs_faces: bool = False
+    """The format shows a surface, or cannot say points without triangles."""
+    needs_rig: bool = False
+    """The format holds weights of face units."""
+    check: Callable[[], None] = _nothing_to_check
+    """Raises MissingExtraError where the format needs a package that is not installed."""
+
+
+def by_path(suffix: str, write: Callable[[Clip, Path, bool], None]) -> Write:
+    """A writer for libraries that want a file name: they get one in a temporary folder."""
+
+    def write_through(clip: Clip, file: BinaryIO, progress: bool) -> None:
+        with tempfile.TemporaryDirectory(prefix="facecode-") as folder:
+            path = Path(folder) / f"clip{suffix}"
+            write(clip, path, progress)
+            with path.open("rb") as written:
+                while block := written.read(1 << 20):
+                    file.write(block)
+
+    return write_through
