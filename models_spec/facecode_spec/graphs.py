@@ -7,6 +7,7 @@ The same tensor names stand in the torch views, in the graph files and in the ru
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from facecode_spec.schema import PartSpec, SystemSpec
 
@@ -19,7 +20,7 @@ DECODER_STEP = "decoder_step"
 MOTION_DECODER = "motion_decoder"
 VERTEX_HEAD = "vertex_head"
 
-Axis = str | int
+Axis: TypeAlias = str | int
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class TensorSpec:
     name: str
     dtype: str
     axes: tuple[Axis, ...]
+    """A name for an axis of any size, a number for a fixed one."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def past_values(layer: int) -> str:
     return f"past_values_{layer}"
 
 
-def condition(part: str) -> str:
+def condition_name(part: str) -> str:
     """Name of the input with the code vectors of an earlier part."""
     return f"condition_{part}"
 
@@ -110,7 +112,7 @@ def decoder_step(system: SystemSpec, part: PartSpec) -> GraphSpec:
     The past is a ring of slots: frame t stands in slot t mod n_slots, those from `step` on are
     empty and left out. A past without empty slots is one of n_slots = step.
     """
-    decoder, codebook = part.cross_modal_decoder, part.codebook
+    decoder, (codebook, _) = part.cross_modal_decoder, part.prior
     past = ("batch", decoder.n_heads, "n_slots", decoder.dim // decoder.n_heads)
     new_rows = (decoder.n_layers, "batch", decoder.dim)
     return GraphSpec(
@@ -140,8 +142,9 @@ def _sample(part: PartSpec) -> list[TensorSpec]:
 
 
 def _condition(part: PartSpec) -> TensorSpec:
-    axes = ("batch", part.codebook.codes_per_frame, part.codebook.dim)
-    return TensorSpec(condition(part.name), "float32", axes)
+    codebook, _ = part.prior
+    axes = ("batch", codebook.codes_per_frame, codebook.dim)
+    return TensorSpec(condition_name(part.name), "float32", axes)
 
 
 def motion_decoder(part: PartSpec) -> GraphSpec:
@@ -151,7 +154,7 @@ def motion_decoder(part: PartSpec) -> GraphSpec:
     and which `count`, `mean` and `squares` include; `known` ones, whose convolution is known; and
     those of `features`. Only the frames named by `frames` come out.
     """
-    codebook, spec = part.codebook, part.motion_decoder
+    codebook, spec = part.prior
     vector = (codebook.codes_per_frame, codebook.dim)
     past = ("batch", spec.n_heads, "n_past", spec.dim // spec.n_heads)
     kept = (spec.n_layers, "batch", spec.n_heads, "n_kept", spec.dim // spec.n_heads)
@@ -185,9 +188,10 @@ def motion_decoder(part: PartSpec) -> GraphSpec:
 
 def vertex_head(system: SystemSpec, part: PartSpec) -> GraphSpec:
     """Hidden frames to vertex offsets, for the frames that are shown."""
+    _, decoder = part.prior
     return GraphSpec(
         VERTEX_HEAD,
-        (TensorSpec("hidden", "float32", ("batch", "n_shown", part.motion_decoder.dim)),),
+        (TensorSpec("hidden", "float32", ("batch", "n_shown", decoder.dim)),),
         (TensorSpec("offsets", "float32", ("batch", "n_shown", system.vertices_of(part), 3)),),
         Tolerance(1e-4, "one product over the hidden width in another order; 1e-6 seen"),
     )

@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from facecode_spec.graphs import GraphSpec
-from facecode_spec.schema import SpecError, SystemSpec, from_plain, to_plain
+from facecode_spec.entries import FileEntry, GraphEntry, PartEntry
+from facecode_spec.plain import SpecError, from_plain, to_plain
+from facecode_spec.schema import SystemSpec, UpAxis
 
 FORMAT_VERSION = 1
 MANIFEST_NAME = "manifest.json"
@@ -20,58 +20,6 @@ MANIFEST_NAME = "manifest.json"
 
 class NewerFormatError(SpecError):
     """The bundle was written by a later release in a format that this one does not know."""
-
-
-@dataclass(frozen=True)
-class FileEntry:
-    """Size in bytes and SHA-256 (hexadecimal) of one file of the bundle."""
-
-    size: int
-    sha256: str
-
-
-@dataclass(frozen=True)
-class TensorEntry:
-    """One input or output of a graph; axes are names, or numbers written as text."""
-
-    name: str
-    dtype: str
-    axes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class GraphEntry:
-    """One graph file with its signature."""
-
-    path: str
-    inputs: tuple[TensorEntry, ...]
-    outputs: tuple[TensorEntry, ...]
-
-    @classmethod
-    def of(cls, path: str, spec: GraphSpec) -> GraphEntry:
-        """The entry of a graph with signature `spec` at `path`."""
-
-        def entries(tensors: tuple[Any, ...]) -> tuple[TensorEntry, ...]:
-            return tuple(TensorEntry(t.name, t.dtype, tuple(map(str, t.axes))) for t in tensors)
-
-        return cls(path, entries(spec.inputs), entries(spec.outputs))
-
-
-@dataclass(frozen=True)
-class PartEntry:
-    """The files of one part of the face, in the order in which parts are animated."""
-
-    name: str
-    codebook: str
-    decoder_step: GraphEntry
-    motion_decoder: GraphEntry
-    vertex_head: GraphEntry
-    n_samples: int = 1
-    """Samples for each sample of the parts before it; the input `sample` picks one."""
-    conditions_on: tuple[str, ...] = ()
-    """Earlier parts whose code vectors of the frame are inputs `condition_<part>`."""
-    vertices: str | None = None
-    """int32 (n,) indices of the part's vertices, in the order of its offsets; null: all."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +64,26 @@ class Deviation:
 
 
 @dataclass(frozen=True)
-class WindowEntry:
-    """The default of `window` mode."""
+class ModeEntry:
+    """What a way of running the loop asks for and costs in quality."""
 
-    frames: int
-    """Frames decoded at a step."""
-    deviation: Deviation
-    """From `exact`."""
+    look_ahead_ms: float | None
+    """Audio after a frame that the frame depends on; null: the whole recording."""
+    delay_frames: int | None
+    """Frames that follow a frame before it is final; null: all."""
+    window: int | None = None
+    """Frames decoded at a step by default; null: all."""
+    deviation: Deviation | None = None
+    """From `exact`; null: not measured."""
+
+
+@dataclass(frozen=True)
+class RigEntry:
+    """Named face units, such as ARKit's: what weights of 0 to 1 move."""
+
+    names: tuple[str, ...]
+    deltas: str
+    """.npz with `names` (K,) and `deltas` float32 (K, V, 3)."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +92,8 @@ class Manifest:
 
     format_version: int
     name: str
+    family: str
+    """The kind of system, such as `codetalker`; for people and tools."""
     reference: str
     fps: float
     sample_rate: int
@@ -138,9 +101,14 @@ class Manifest:
     min_samples: int
     n_vertices: int
     unit: str
+    """The unit of length, in words."""
+    metres_per_unit: float | None
+    """null: not known."""
+    up_axis: UpAxis | None
+    """null: not known."""
     styles: tuple[str, ...]
-    look_ahead_ms: float | None
-    """Audio after a frame that the frame depends on; null: the whole clip."""
+    modes: Mapping[str, ModeEntry]
+    """The modes that the bundle can be animated in, by name; the first is the default."""
     precision: str
     template: str
     faces: str | None
@@ -152,6 +120,8 @@ class Manifest:
     """Upper and lower inner-lip vertex; their distance is the mouth opening."""
     identities: Mapping[str, str]
     """Further float32 (V, 3) templates by name."""
+    rig: RigEntry | None
+    """Face units, where the bundle has them."""
     topology: str | None
     """SHA-256 of the little-endian int32 (F, 3) face indices: equal for equal meshes."""
     speech_encoder: GraphEntry
@@ -165,9 +135,29 @@ class Manifest:
     has_template: bool = True
     """False: no template was given at export; vertices are offsets from zero."""
     parity: ParityReport | None = None
-    window: WindowEntry | None = None
     quantisation: Deviation | None = None
     """From float32, where `precision` is another."""
+
+    def __post_init__(self) -> None:
+        window = self.modes.get("window")
+        if not self.modes or (window and None in (window.window, window.delay_frames)):
+            raise SpecError("modes: expected one or more, 'window' with window and delay_frames")
+        if self.lip_pair is not None and len(self.lip_pair) != 2:
+            raise SpecError(f"lip_pair: expected two vertices, got {len(self.lip_pair)}")
+
+    @property
+    def graphs(self) -> tuple[GraphEntry, ...]:
+        """All graphs of the bundle, in the order in which they run."""
+        return (self.speech_encoder, *(g for part in self.parts for g in part.graphs))
+
+    @property
+    def used_files(self) -> set[str]:
+        """Every file that the manifest refers to."""
+        named = {self.template, self.faces, self.colours, *self.regions.values()}
+        named |= {*self.identities.values(), *(graph.path for graph in self.graphs)}
+        named |= {file for p in self.parts for file in (p.codebook, p.vertices, p.rig_projection)}
+        named |= set() if self.rig is None else {self.rig.deltas}
+        return {file for file in named if file is not None}
 
     def to_json(self) -> str:
         """The manifest as indented JSON with a final newline."""

@@ -1,24 +1,20 @@
-"""What a trained system is, as frozen dataclasses, and their strict reading from plain data.
+"""What a trained system is, as frozen dataclasses.
 
-Comes in: keyword arguments, or the dictionaries of a JSON file. Goes out: values that compare
-equal when the systems are the same. Knows nothing of weights, graphs or files.
+Values compare equal when the systems are the same. Knows nothing of weights, graphs or files.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import types
-import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
-T = TypeVar("T")
+from facecode_spec.plain import SpecError
+
 FrameGrid = Literal["interpolate", "pairs"]
-
-
-class SpecError(ValueError):
-    """A spec or manifest does not have the form that this version of facecode reads."""
+Family = Literal["codetalker", "cdface"]
+PartKind = Literal["codes", "offsets"]
+UpAxis = Literal["x", "y", "z"]
 
 
 @dataclass(frozen=True)
@@ -80,16 +76,20 @@ class MotionDecoderSpec:
     input_projection: bool = False
     """A linear layer brings the H*C code numbers to `dim` (BIWI); else H*C equals `dim`."""
     output_bias: bool = True
+    kernel: int = 5
+    """Taps of the convolution, centred on the frame that they give."""
 
 
 @dataclass(frozen=True)
 class PartSpec:
-    """One part of the face with a codebook of its own."""
+    """One part of the face, animated by a decoder of its own."""
 
     name: str
-    codebook: CodebookSpec
+    codebook: CodebookSpec | None
+    """None: a part of kind `offsets`."""
     cross_modal_decoder: CrossModalDecoderSpec
-    motion_decoder: MotionDecoderSpec
+    motion_decoder: MotionDecoderSpec | None
+    """None: a part of kind `offsets`."""
     n_samples: int = 1
     """Heads of the cross-modal decoder: samples of this part for each sample of the parts before
     it (CDFace's K and M)."""
@@ -99,19 +99,52 @@ class PartSpec:
     """Vertices of the part's own; None: the whole face."""
 
     def __post_init__(self) -> None:
-        code_width = self.codebook.codes_per_frame * self.codebook.dim
-        if not self.motion_decoder.input_projection and code_width != self.motion_decoder.dim:
+        if (self.codebook is None) != (self.motion_decoder is None):
             raise SpecError(
-                f"part {self.name!r}: {self.codebook.codes_per_frame} codes of "
-                f"{self.codebook.dim} numbers make {code_width}, but the motion decoder is "
-                f"{self.motion_decoder.dim} wide and has no input projection"
+                f"part {self.name!r}: a codebook and a motion decoder go together; give both for "
+                "a part that speaks in codes, or neither"
             )
-        for owner in (self.cross_modal_decoder, self.motion_decoder):
-            if owner.dim % owner.n_heads:
-                raise SpecError(
-                    f"part {self.name!r}: a width of {owner.dim} does not divide into "
-                    f"{owner.n_heads} heads"
-                )
+        _check_heads(self.name, self.cross_modal_decoder)
+        if self.kind == "codes":
+            self._check_prior()
+
+    @property
+    def kind(self) -> PartKind:
+        """`codes`: the decoder predicts motion codes. `offsets`: it predicts motion itself."""
+        return "offsets" if self.codebook is None else "codes"
+
+    @property
+    def prior(self) -> tuple[CodebookSpec, MotionDecoderSpec]:
+        """The discrete motion prior of a part of kind `codes`.
+
+        Raises:
+            SpecError: a part of another kind.
+        """
+        if self.codebook is None or self.motion_decoder is None:
+            raise SpecError(f"part {self.name!r} has no codebook; expected a part of kind 'codes'")
+        return self.codebook, self.motion_decoder
+
+    def _check_prior(self) -> None:
+        codebook, decoder = self.prior
+        code_width = codebook.codes_per_frame * codebook.dim
+        if not decoder.input_projection and code_width != decoder.dim:
+            raise SpecError(
+                f"part {self.name!r}: {codebook.codes_per_frame} codes of {codebook.dim} numbers "
+                f"make {code_width}, but the motion decoder is {decoder.dim} wide and has no "
+                "input projection"
+            )
+        if decoder.kernel < 1 or decoder.kernel % 2 == 0:
+            raise SpecError(
+                f"part {self.name!r}: got a kernel of {decoder.kernel}; expected an odd number"
+            )
+        _check_heads(self.name, decoder)
+
+
+def _check_heads(part: str, owner: CrossModalDecoderSpec | MotionDecoderSpec) -> None:
+    if owner.dim % owner.n_heads:
+        raise SpecError(
+            f"part {part!r}: a width of {owner.dim} does not divide into {owner.n_heads} heads"
+        )
 
 
 @dataclass(frozen=True)
@@ -119,14 +152,21 @@ class SystemSpec:
     """A trained system: everything that is known of it before its weights."""
 
     name: str
+    family: Family
+    """Which network the parts make: how weights are named, trained and animated by torch."""
     reference: str
     """The publication that describes the system."""
     fps: float
     n_vertices: int
     unit: str
+    """The unit of length, in words."""
     styles: tuple[str, ...]
     speech_encoder: SpeechEncoderSpec
     parts: tuple[PartSpec, ...]
+    metres_per_unit: float | None = None
+    """None: not known."""
+    up_axis: UpAxis | None = None
+    """None: not known."""
 
     def __post_init__(self) -> None:
         if not self.parts:
@@ -136,6 +176,10 @@ class SystemSpec:
             raise SpecError(f"system {self.name!r} needs styles with different names")
 
     def _check_parts(self) -> None:
+        if self.family == "codetalker" and len(self.parts) != 1:
+            raise SpecError(
+                f"system {self.name!r} has {len(self.parts)} parts; the family codetalker has one"
+            )
         names = [part.name for part in self.parts]
         if len(set(names)) != len(names):
             raise SpecError(f"system {self.name!r} has two parts of one name: {names}")
@@ -162,67 +206,3 @@ class SystemSpec:
     def vertices_of(self, part: PartSpec) -> int:
         """How many vertices `part` moves."""
         return self.n_vertices if part.n_vertices is None else part.n_vertices
-
-
-def to_plain(value: Any) -> Any:  # noqa: ANN401
-    """Dataclasses and tuples as dictionaries and lists, ready for JSON."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {key: to_plain(item) for key, item in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [to_plain(item) for item in value]
-    return value
-
-
-def from_plain(cls: type[T], data: object, where: str = "") -> T:
-    """Build dataclass `cls` from plain data; an unknown, missing or mistyped key is an error.
-
-    Raises:
-        SpecError: with the dotted path of the offending key.
-    """
-    where = where or cls.__name__
-    if not isinstance(data, Mapping):
-        raise SpecError(f"{where}: expected an object, got {type(data).__name__}")
-    hints = typing.get_type_hints(cls)
-    fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    if unknown := sorted(set(data) - set(fields)):
-        raise SpecError(f"{where}: unknown key {', '.join(unknown)}; known: {', '.join(fields)}")
-    required = {n for n, f in fields.items() if _has_no_default(f)}
-    if missing := sorted(required - set(data)):
-        raise SpecError(f"{where}: missing key {', '.join(missing)}")
-    values = {name: _convert(hints[name], item, f"{where}.{name}") for name, item in data.items()}
-    return cls(**values)
-
-
-def _has_no_default(f: dataclasses.Field[Any]) -> bool:
-    return f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-
-
-def _convert(hint: Any, value: Any, where: str) -> Any:  # noqa: ANN401
-    """`value` as the type that the annotation `hint` names."""
-    origin, args = typing.get_origin(hint), typing.get_args(hint)
-    if hint is Any:
-        return value
-    if origin is types.UnionType or origin is typing.Union:
-        options = [a for a in args if a is not type(None)]
-        return None if value is None else _convert(options[0], value, where)
-    if origin is Literal:
-        if value not in args:
-            raise SpecError(f"{where}: got {value!r}, expected one of {', '.join(map(repr, args))}")
-        return value
-    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        return from_plain(hint, value, where)
-    if origin is tuple:
-        if not isinstance(value, (list, tuple)):
-            raise SpecError(f"{where}: expected a list, got {type(value).__name__}")
-        return tuple(_convert(args[0], item, f"{where}[{i}]") for i, item in enumerate(value))
-    if origin is not None and issubclass(origin, Mapping):
-        if not isinstance(value, Mapping):
-            raise SpecError(f"{where}: expected an object, got {type(value).__name__}")
-        return {str(k): _convert(args[1], item, f"{where}.{k}") for k, item in value.items()}
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool):
-        raise SpecError(f"{where}: expected {hint.__name__}, got {value!r}")
-    return value

@@ -4,21 +4,37 @@ face = facecode.load("bundle")
 face.animate("speech.wav").save("talk.npz")
 """
 
-from facecode.animation import Animation
-from facecode.animator import Animator, load
-from facecode.bundle import Bundle
-from facecode.errors import FacecodeError
-from facecode.many import animate_many
-from facecode.takes import Takes
+from importlib.metadata import version
 
-__version__ = "0.1.0"
+from facecode.animation import Animation
+from facecode.animator import Animator
+from facecode.audio import AudioSource
+from facecode.bundle import Bundle
+from facecode.clip import Clip, Rig
+from facecode.errors import FacecodeError
+from facecode.loading import load
+from facecode.many import animate_many
+from facecode.options import Mode, Samples, Style
+from facecode.session import Compute
+from facecode.takes import Takes
+from facecode.template import TemplateSource
+
+__version__ = version("facecode")
 
 __all__ = [
     "Animation",
     "Animator",
+    "AudioSource",
     "Bundle",
+    "Clip",
+    "Compute",
     "FacecodeError",
+    "Mode",
+    "Rig",
+    "Samples",
+    "Style",
     "Takes",
+    "TemplateSource",
     "__version__",
     "animate_many",
     "load",

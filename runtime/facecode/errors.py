@@ -7,7 +7,7 @@ FacecodeError
     AudioTooShortError        less than one frame of motion
     NonFiniteAudioError       NaN or infinite samples
   AudioNotFoundError (FileNotFoundError)
-  StyleError (ValueError)     unknown style, or weights that are no mix
+  StyleError (ValueError)     unknown style, or invalid style weights
   TemplateError (ValueError)  unreadable template, or another topology
   BundleError
     BundleNotFoundError (FileNotFoundError)
@@ -17,10 +17,11 @@ FacecodeError
     MissingFileError (FileNotFoundError)
     AlteredFileError (ValueError)      size or SHA-256 differs from the manifest
     ExternalDataError (ValueError)     a graph that reads files the manifest does not list
-    GraphError (RuntimeError)          onnxruntime cannot load a graph
-  ModeError (ValueError)      unknown mode, or a window that is none
+    GraphError (RuntimeError)          onnxruntime cannot load or run a graph
+  ProviderError (RuntimeError)         an execution provider that is not there or does not start
+  ModeError (ValueError)      unknown mode, or invalid window size
   SampleError (ValueError)    samples that the bundle does not give
-  CodesError (ValueError)     codes that are none of the bundle's
+  CodesError (ValueError)     codes outside the codebook, or of another shape
   OutputError
     OutputSuffixError (ValueError)
     OutputFolderError (FileNotFoundError)
@@ -67,7 +68,7 @@ class AudioNotFoundError(FacecodeError, FileNotFoundError):
 
 
 class StyleError(FacecodeError, ValueError):
-    """The bundle has no such style, or the mix is not one."""
+    """The bundle has no such style, or the style weights are invalid."""
 
 
 class StyleWarning(UserWarning):
@@ -112,6 +113,10 @@ class ExternalDataError(BundleError, ValueError):
 
 class GraphError(BundleError, RuntimeError):
     """onnxruntime cannot load or run a graph."""
+
+
+class ProviderError(FacecodeError, RuntimeError):
+    """onnxruntime lacks an execution provider, or the provider does not start."""
 
 
 class ModeError(FacecodeError, ValueError):

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
-
-import numpy as np
+from typing import TYPE_CHECKING, TypeAlias
 
 from facecode.animation import Animation
-from facecode.animator import Animator, load
-from facecode.arrays import Audio, Float32, Template
+from facecode.animator import Animator
+from facecode.arrays import Audio, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.errors import FacecodeError
-from facecode.request import Mode, Request
+from facecode.loading import load
+from facecode.loop.request import Request, refuse_unknown
+from facecode.options import BatchOptions, Style
 from facecode.speech import Memory
-from facecode.styles import Style, style_weights
-from facecode.template import TemplateSource
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 BATCH_SIZE = 8
 """Clips at once: beyond it the arithmetic, not the reading of weights, takes the time."""
+
+Encoded: TypeAlias = "tuple[Audio, Memory] | FacecodeError"
+"""A waveform with its memory, or why there is none."""
 
 
 def animate_many(
@@ -25,24 +31,19 @@ def animate_many(
     style: Style | None = None,
     *,
     face: Animator | None = None,
-    mode: Mode = "exact",
-    window: int | None = None,
-    template: TemplateSource | None = None,
-    sample_rate: int | None = None,
     batch_size: int = BATCH_SIZE,
+    **options: Unpack[BatchOptions],
 ) -> Iterator[Animation | FacecodeError]:
     """Animate recordings in batches; each gives the codes that it gives alone.
 
     Args:
         sources: as `audio` of `Animator.animate`, one a clip; lengths may differ, but a batch of
             clips of about one length is quickest.
-        style: for all; see `Animator.animate`, also for the other arguments.
+        style: for all; see `Animator.animate`.
         face: a loaded bundle; the packaged one by default.
-        mode: `exact` or `window`.
-        window: frames that `window` decodes.
-        template: another neutral face.
-        sample_rate: of audio arrays.
         batch_size: clips at once; memory grows with it.
+        **options: `mode`, `window`, `template`, `sample_rate`; see
+            `facecode.options.BatchOptions`.
 
     Yields:
         For each source, in order, its animation, or the error that it met: one bad file does not
@@ -52,59 +53,45 @@ def animate_many(
         StyleError, TemplateError, ModeError: before the first clip.
         ValueError: a batch size below 1.
     """
+    refuse_unknown("animate_many", options, BatchOptions)
     if batch_size < 1:
         raise ValueError(f"got batches of {batch_size} clips; expected at least 1")
     face = load() if face is None else face
-    request = Request(face.window_frames(mode, window))
-    weights = style_weights(style, face.styles)
-    neutral = face.neutral(template)
-    return _batches(face, sources, weights, request, neutral, sample_rate, batch_size)
+    request, neutral = face.request(style, options), face.bundle.neutral(options.get("template"))
+    encoded = (_encode(face, source, options.get("sample_rate")) for source in sources)
+    return _batches(face, encoded, request, neutral, batch_size)
 
 
 def _batches(
     face: Animator,
-    sources: Iterable[AudioSource],
-    weights: Float32,
+    encoded: Iterator[Encoded],
     request: Request,
     neutral: Template,
-    sample_rate: int | None,
     batch_size: int,
 ) -> Iterator[Animation | FacecodeError]:
-    heard: list[tuple[Audio, Memory] | FacecodeError] = []
-    for source in sources:
-        heard.append(_heard(face, source, sample_rate))
-        if len(heard) == batch_size:
-            yield from _moved(face, heard, weights, request, neutral)
-            heard = []
-    yield from _moved(face, heard, weights, request, neutral)
+    while batch := list(itertools.islice(encoded, batch_size)):
+        yield from _animate(face, batch, request, neutral)
 
 
-def _heard(
-    face: Animator, source: AudioSource, sample_rate: int | None
-) -> tuple[Audio, Memory] | FacecodeError:
+def _encode(face: Animator, source: AudioSource, sample_rate: int | None) -> Encoded:
     try:
         waveform = load_audio(source, face.manifest.sample_rate, sample_rate)
-        return waveform, face.encode(waveform)
+        return waveform, face.engine.encode(waveform)
     except FacecodeError as error:
         return error
 
 
-def _moved(
-    face: Animator,
-    heard: Sequence[tuple[Audio, Memory] | FacecodeError],
-    weights: Float32,
-    request: Request,
-    neutral: Template,
+def _animate(
+    face: Animator, batch: Sequence[Encoded], request: Request, neutral: Template
 ) -> list[Animation | FacecodeError]:
     """One batch: the loop takes its clips in order of falling length."""
     results: list[Animation | FacecodeError | None] = [
-        h if isinstance(h, FacecodeError) else None for h in heard
+        item if isinstance(item, FacecodeError) else None for item in batch
     ]
-    clips = [(i, *h) for i, h in enumerate(heard) if not isinstance(h, FacecodeError)]
+    clips = [(i, *item) for i, item in enumerate(batch) if not isinstance(item, FacecodeError)]
     clips.sort(key=lambda clip: -clip[2].n_frames)
     if clips:
-        styles = np.repeat(weights[None], len(clips), axis=0)
-        moved = face.move([memory for _, _, memory in clips], styles, request)
-        for (i, waveform, _), (codes, offsets) in zip(clips, moved, strict=True):
-            results[i] = face.animation(offsets[0], codes[0], waveform, neutral)
-    return [r for r in results if r is not None]
+        motions = face.engine.move([memory for _, _, memory in clips], request)
+        for (i, waveform, _), (codes, offsets) in zip(clips, motions, strict=True):
+            results[i] = face.result(request, neutral, waveform, codes[0], offsets[0])
+    return [result for result in results if result is not None]

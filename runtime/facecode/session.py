@@ -1,34 +1,84 @@
 """onnxruntime sessions: options in one place, calls by tensor name.
 
-The only module that imports onnxruntime.
+The only module that imports onnxruntime, and only when the first graph is loaded.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-
-import onnxruntime as ort
+from typing import TYPE_CHECKING
 
 from facecode.arrays import AnyArray
-from facecode.errors import GraphError
-from facecode_spec.manifest import GraphEntry
+from facecode.errors import GraphError, ProviderError
+from facecode_spec.entries import GraphEntry
 
-ONNXRUNTIME_VERSION: str = ort.__version__
+if TYPE_CHECKING:
+    import onnxruntime as ort
+
+CPU = "CPUExecutionProvider"
 
 
-def default_threads() -> int:
+@dataclass(frozen=True)
+class Compute:
+    """How graphs are run: threads, and onnxruntime's execution provider with its options."""
+
+    threads: int | None = None
+    """None: all cores that this process may use."""
+    provider: str = CPU
+    """Its name in onnxruntime; a short form without `ExecutionProvider` will do."""
+    options: Mapping[str, str] = field(default_factory=dict)
+    """Of the provider, as onnxruntime names them."""
+
+    def __post_init__(self) -> None:
+        threads = usable_cores() if self.threads is None else self.threads
+        if threads < 1:
+            raise ValueError(f"got {threads} threads; expected at least 1")
+        object.__setattr__(self, "threads", threads)
+        object.__setattr__(self, "provider", _provider_name(self.provider))
+
+    @property
+    def n_threads(self) -> int:
+        """The number of threads, whether it was given or found."""
+        return self.threads or 1
+
+
+def usable_cores() -> int:
     """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def session_options(threads: int) -> ort.SessionOptions:
+def onnxruntime_version() -> str:
+    """The version of the installed onnxruntime, whichever distribution brought it."""
+    import onnxruntime
+
+    return str(onnxruntime.__version__)
+
+
+def available_providers() -> tuple[str, ...]:
+    """Execution providers that the installed onnxruntime has."""
+    import onnxruntime
+
+    return tuple(onnxruntime.get_available_providers())
+
+
+def _provider_name(name: str) -> str:
+    """onnxruntime's full name of a provider."""
+    if name.casefold() == "cpu":
+        return CPU
+    return name if name.endswith("ExecutionProvider") else f"{name}ExecutionProvider"
+
+
+def session_options(compute: Compute) -> ort.SessionOptions:
     """The options of every session; see docs/performance.md for the measurements."""
+    import onnxruntime as ort
+
     options = ort.SessionOptions()
-    options.intra_op_num_threads = threads
+    options.intra_op_num_threads = compute.n_threads
     # The graphs are chains: nothing to run side by side.
     options.execution_mode = ort.ExecutionMode.ORT_SEQUENTIAL
     options.inter_op_num_threads = 1
@@ -45,14 +95,15 @@ def session_options(threads: int) -> ort.SessionOptions:
 class Graph:
     """One graph of a bundle, checked against the signature that its manifest states."""
 
-    def __init__(self, path: Path, entry: GraphEntry, threads: int) -> None:
+    def __init__(self, path: Path, entry: GraphEntry, compute: Compute) -> None:
+        """Load a graph.
+
+        Raises:
+            ProviderError: onnxruntime lacks the provider, or the provider refuses to start.
+            GraphError: onnxruntime cannot load the file, or it has another signature.
+        """
         self.name = path.stem
-        try:
-            self._session = ort.InferenceSession(
-                os.fspath(path), session_options(threads), providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # onnxruntime's exceptions share no public base
-            raise GraphError(f"onnxruntime cannot load {path.name}: {error}") from error
+        self._session = _session(path, compute)
         self._check_names(entry)
 
     def _check_names(self, entry: GraphEntry) -> None:
@@ -77,3 +128,26 @@ class Graph:
             return self._session.run(list(outputs), inputs)  # type: ignore[no-any-return]
         except Exception as error:
             raise GraphError(f"{self.name} failed: {error}") from error
+
+
+def _session(path: Path, compute: Compute) -> ort.InferenceSession:
+    """A session on the wanted provider; onnxruntime itself would fall back to the CPU silently."""
+    import onnxruntime as ort
+
+    if compute.provider not in ort.get_available_providers():
+        raise ProviderError(
+            f"onnxruntime {ort.__version__} here has no {compute.provider}; it has "
+            f"{', '.join(ort.get_available_providers())}. Install the onnxruntime package that "
+            "brings it in place of onnxruntime, or leave the provider out"
+        )
+    wanted = [(compute.provider, dict(compute.options))]
+    try:
+        session = ort.InferenceSession(os.fspath(path), session_options(compute), providers=wanted)
+    except Exception as error:  # onnxruntime's exceptions share no public base
+        raise GraphError(f"onnxruntime cannot load {path.name}: {error}") from error
+    if session.get_providers()[0] != compute.provider:
+        raise ProviderError(
+            f"{compute.provider} did not start for {path.name}; onnxruntime would run it on "
+            f"{session.get_providers()[0]}. Check the provider's drivers and libraries"
+        )
+    return session

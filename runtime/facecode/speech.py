@@ -1,9 +1,9 @@
-"""Speech to what the cross-attention reads, frame by frame; long clips window by window.
+"""Encode speech to what the cross-attention reads, frame by frame; long clips window by window.
 
 Attention over an hour does not fit. Up to LONGEST_S a clip is encoded in one pass, as it was in
-training. A longer one is encoded in windows that overlap: KEPT_S are kept of each, CONTEXT_S on
-either side are heard and dropped. One window is held at a time, so that memory does not grow with
-the clip. The waveform is normalised over the whole clip in either case.
+training. A longer one is encoded in windows that overlap: KEPT_S of each are kept, CONTEXT_S on
+either side are encoded and dropped. One window is held at a time, so that memory does not grow
+with the clip. The waveform is normalised over the whole clip in either case.
 """
 
 from __future__ import annotations
@@ -58,6 +58,10 @@ class SpeechEncoder:
     def __init__(self, graph: Graph, manifest: Manifest) -> None:
         self.graph, self._manifest = graph, manifest
 
+    def with_graph(self, graph: Graph) -> SpeechEncoder:
+        """The same encoder with another graph of the same signature."""
+        return SpeechEncoder(graph, self._manifest)
+
     def encode(self, waveform: Audio) -> Memory:
         """Waveform (n_samples,) at the bundle's rate to its memory.
 
@@ -67,21 +71,21 @@ class SpeechEncoder:
         rate = self._manifest.sample_rate
         require_one_frame(waveform, rate, self._manifest.min_samples)
         level = Level.of(waveform) if self._manifest.normalise_audio else None
-        heard = Heard(waveform, level, rate)
+        clip = LevelledAudio(waveform, level, rate)
         if len(waveform) <= LONGEST_S * rate:
-            return self.window(heard, 0, len(waveform))
-        return LongMemory(self, heard, self._manifest.fps)
+            return self.window(clip, 0, len(waveform))
+        return LongMemory(self, clip, self._manifest.fps)
 
-    def window(self, heard: Heard, start: int, stop: int) -> WholeMemory:
+    def window(self, clip: LevelledAudio, start: int, stop: int) -> WholeMemory:
         """Samples `start` to `stop` in one pass."""
         names = [t.name for t in self._manifest.speech_encoder.outputs]
-        outputs = self.graph.run(names, audio=heard.cut(start, stop)[None])
+        outputs = self.graph.run(names, audio=clip.cut(start, stop)[None])
         return WholeMemory(dict(zip(names, outputs, strict=True)))
 
 
 @dataclass(frozen=True)
-class Heard:
-    """A waveform and the level to normalise it by, a piece at a time; None: as it is."""
+class LevelledAudio:
+    """A waveform, and the level that normalises it piece by piece; None: as it is."""
 
     waveform: Audio
     level: Level | None
@@ -99,12 +103,12 @@ class LongMemory:
     Windows begin at whole seconds, where a frame begins too.
     """
 
-    def __init__(self, encoder: SpeechEncoder, heard: Heard, fps: float) -> None:
-        self._encoder, self._heard, self._fps = encoder, heard, fps
-        self._n_samples = len(heard.waveform)
-        # The number of frames is the encoder's affair: ask it about the last second or two.
-        last_s = self._n_samples // heard.rate - 1
-        tail = encoder.window(heard, last_s * heard.rate, self._n_samples)
+    def __init__(self, encoder: SpeechEncoder, clip: LevelledAudio, fps: float) -> None:
+        self._encoder, self._clip, self._fps = encoder, clip, fps
+        self._n_samples = len(clip.waveform)
+        # Only the encoder knows its number of frames: ask it about the last second or two.
+        last_s = self._n_samples // clip.rate - 1
+        tail = encoder.window(clip, last_s * clip.rate, self._n_samples)
         self._n_frames = self._frame_at(last_s) + tail.n_frames
         self._first = self._end = 0
         self._window = tail
@@ -126,10 +130,10 @@ class LongMemory:
     def _encode(self, step: int) -> None:
         """The window whose kept part begins at or before frame `step`."""
         kept_s = math.floor(step / self._fps) // KEPT_S * KEPT_S
-        rate = self._heard.rate
+        rate = self._clip.rate
         from_s = max(0, kept_s - CONTEXT_S)
         stop = min((kept_s + KEPT_S + CONTEXT_S) * rate, self._n_samples)
-        self._window = self._encoder.window(self._heard, from_s * rate, stop)
+        self._window = self._encoder.window(self._clip, from_s * rate, stop)
         self._first = self._frame_at(from_s)
         at_end = stop == self._n_samples
         self._end = self._n_frames if at_end else self._frame_at(kept_s + KEPT_S)

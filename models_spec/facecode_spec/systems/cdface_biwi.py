@@ -16,6 +16,7 @@ differ as much when the lips are held."""
 SPEC: SystemSpec = replace(
     CODETALKER,
     name="cdface-biwi",
+    family="cdface",
     reference=REFERENCE,
     parts=(
         replace(FACE, name="lips", n_samples=N_SAMPLES, n_vertices=LIP_VERTICES),

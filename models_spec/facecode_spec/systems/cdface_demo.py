@@ -17,10 +17,13 @@ LIP_VERTICES = 2357
 
 SPEC = SystemSpec(
     name="cdface-demo",
+    family="cdface",
     reference=f"the method of {REFERENCE}, on generated speech and motion",
     fps=CODETALKER.fps,
     n_vertices=CODETALKER.n_vertices,
     unit=CODETALKER.unit,
+    metres_per_unit=CODETALKER.metres_per_unit,
+    up_axis=CODETALKER.up_axis,
     styles=CODETALKER.styles,
     speech_encoder=CODETALKER.speech_encoder,
     parts=(

@@ -6,10 +6,12 @@ from facecode_spec.schema import CodebookSpec, SystemSpec
 from facecode_spec.systems.codetalker_tiny import SPEC as CODETALKER
 
 (FACE,) = CODETALKER.parts
+_, MOTION_DECODER = FACE.prior
 
 SPEC: SystemSpec = replace(
     CODETALKER,
     name="cdface-tiny",
+    family="cdface",
     reference="the architecture of cdface-vocaset at a small size; not a published system",
     parts=(
         replace(
@@ -17,7 +19,7 @@ SPEC: SystemSpec = replace(
             name="lips",
             codebook=CodebookSpec(n_codes=23, codes_per_frame=3, dim=10),
             cross_modal_decoder=replace(FACE.cross_modal_decoder, dim=24, n_heads=3),
-            motion_decoder=replace(FACE.motion_decoder, dim=30, n_heads=3),
+            motion_decoder=replace(MOTION_DECODER, dim=30, n_heads=3),
             n_samples=3,
             n_vertices=17,
         ),

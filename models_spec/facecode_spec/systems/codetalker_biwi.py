@@ -11,10 +11,13 @@ from facecode_spec.schema import (
 
 SPEC = SystemSpec(
     name="codetalker-biwi",
+    family="codetalker",
     reference="Xing et al., CodeTalker, CVPR 2023",
     fps=25.0,
     n_vertices=23370,
     unit="mesh scaled to unit area (about 185 mm)",
+    metres_per_unit=0.185,
+    up_axis="y",
     styles=("F2", "F3", "F4", "M3", "M4", "M5"),
     speech_encoder=SpeechEncoderSpec(family="wav2vec2", frame_grid="pairs"),
     parts=(

@@ -11,10 +11,13 @@ from facecode_spec.schema import (
 
 SPEC = SystemSpec(
     name="codetalker-demo",
+    family="codetalker",
     reference="the method of Xing et al., CodeTalker, CVPR 2023, on generated speech and motion",
     fps=30.0,
     n_vertices=5886,
     unit="metres",
+    metres_per_unit=1.0,
+    up_axis="y",
     styles=(
         "precise",
         "calm",

@@ -11,10 +11,13 @@ from facecode_spec.schema import (
 
 SPEC = SystemSpec(
     name="codetalker-tiny",
+    family="codetalker",
     reference="the architecture of codetalker-vocaset at a small size; not a published system",
     fps=30.0,
     n_vertices=42,
     unit="metres",
+    metres_per_unit=1.0,
+    up_axis="y",
     styles=("a", "b", "c"),
     speech_encoder=SpeechEncoderSpec(
         family="wav2vec2",

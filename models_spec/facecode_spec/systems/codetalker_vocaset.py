@@ -11,10 +11,13 @@ from facecode_spec.schema import (
 
 SPEC = SystemSpec(
     name="codetalker-vocaset",
+    family="codetalker",
     reference="Xing et al., CodeTalker, CVPR 2023",
     fps=30.0,
     n_vertices=5023,
     unit="metres",
+    metres_per_unit=1.0,
+    up_axis="y",
     styles=(
         "FaceTalk_170728_03272_TA",
         "FaceTalk_170904_00128_TA",

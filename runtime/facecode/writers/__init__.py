@@ -1,14 +1,25 @@
-"""Output formats: the suffix picks one of FORMATS. A new format is a new file and its line here."""
+"""Output files: the suffix picks one of FORMATS, and a file appears whole or not at all.
+
+A new format is a new file in this folder and its line in FORMATS.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
 from facecode.clip import Clip
-from facecode.errors import NoFacesError, NoRigError, OutputSuffixError
-from facecode.writers.atomic import check_folder, writing
+from facecode.errors import (
+    NoFacesError,
+    NoRigError,
+    OutputFolderError,
+    OutputSuffixError,
+    OutputWriteError,
+)
 from facecode.writers.format import Format
 from facecode.writers.mp4 import MP4
 from facecode.writers.npz import NPZ
@@ -97,3 +108,45 @@ def write(
         found.write(first, file, progress)
     else:
         found.write_takes(clips, file, progress)
+
+
+def check_folder(path: Path) -> None:
+    """Refuse a file name whose folder is missing, or that is a folder itself.
+
+    Raises:
+        OutputFolderError, OutputWriteError.
+    """
+    if not path.parent.is_dir():
+        raise OutputFolderError(f"the folder {path.parent} does not exist; create it first")
+    if path.is_dir():
+        raise OutputWriteError(f"{path} is a folder; name a file")
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[BinaryIO]:
+    """An open file beside `path` that takes its name when the block ends well.
+
+    A full disk or an interrupt leaves `path` as it was and nothing beside it.
+
+    Raises:
+        OutputFolderError, OutputWriteError.
+    """
+    check_folder(path)
+    temporary = None
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            yield file
+        Path(temporary).chmod(0o666 & ~_umask())  # mkstemp makes files private
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise OutputWriteError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from facecode.bundle import Bundle, graph_entries
-from facecode_spec.schema import to_plain
+from facecode.bundle import Bundle
+from facecode.session import available_providers
+from facecode_spec.manifest import ModeEntry
+from facecode_spec.plain import to_plain
 
 
 def describe(bundle: Bundle) -> dict[str, Any]:
@@ -19,20 +21,22 @@ def summary(bundle: Bundle) -> str:
     """The bundle in a few lines."""
     m = bundle.manifest
     sizes = {name: entry.size for name, entry in m.files.items()}
-    look_ahead = "the whole clip" if m.look_ahead_ms is None else f"{m.look_ahead_ms:g} ms"
     template = "of the export" if m.has_template else "none: vertices are offsets from zero"
     lines = [
         ("bundle", f"{bundle.root} (format {m.format_version})"),
         ("system", f"{m.name}: {m.reference}"),
         ("motion", f"{m.n_vertices:,} vertices at {m.fps:g} fps, unit {m.unit}"),
-        ("audio", f"{m.sample_rate:,} Hz mono; look-ahead {look_ahead}"),
+        ("parts", ", ".join(f"{p.name} ({_count(p.n_samples)}, {p.kind})" for p in m.parts)),
+        ("audio", f"{m.sample_rate:,} Hz mono"),
+        *(("mode", f"{name}: {_mode(entry)}") for name, entry in m.modes.items()),
         ("styles", ", ".join(m.styles)),
         ("template", f"{template}; faces {'yes' if m.faces else 'no'}"),
         ("precision", f"{m.precision}, opset {m.opset}"),
         ("parity", _parity(bundle)),
         ("verified", f"{len(sizes)} files, {_megabytes(sum(sizes.values()))}"),
-        *((f"  {graph.path}", _megabytes(sizes[graph.path])) for graph in graph_entries(m)),
+        *((f"  {graph.path}", _megabytes(sizes[graph.path])) for graph in m.graphs),
         ("licence", m.licence),
+        ("providers", ", ".join(available_providers())),
     ]
     width = max(len(name) for name, _ in lines)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in lines)
@@ -50,6 +54,16 @@ def _parity(bundle: Bundle) -> str:
         f"{equal} of {codes} codes equal to torch, vertices within {worst:.1e}, "
         f"clips of {frames} frames"
     )
+
+
+def _mode(entry: ModeEntry) -> str:
+    ahead = "the whole recording" if entry.look_ahead_ms is None else f"{entry.look_ahead_ms:g} ms"
+    delay = "" if entry.delay_frames is None else f", frames final {entry.delay_frames} later"
+    return f"look-ahead {ahead}{delay}"
+
+
+def _count(n_samples: int) -> str:
+    return "1 sample" if n_samples == 1 else f"{n_samples} samples"
 
 
 def _megabytes(n_bytes: int) -> str:

@@ -1,4 +1,4 @@
-"""Codes of one part of the face out of a file that facecode wrote."""
+"""The option `--hold`: codes of one part of the face out of a file that facecode wrote."""
 
 from __future__ import annotations
 

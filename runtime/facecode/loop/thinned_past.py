@@ -1,4 +1,4 @@
-"""Which frames of a past without end are kept: evenly spaced ones, each standing for several."""
+"""A fixed-size sample of an unbounded past: every s-th frame, weighted by s."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ class ThinnedPast:
     def __init__(self, n_slots: int) -> None:
         self.stride = 1
         self._frames = np.full(n_slots, EMPTY)
-        self._next = 0
+        self._cursor = 0
 
-    def slot_for(self, frame: int) -> int | None:
-        """The slot for a frame that has become past; None: it is not kept. Frames come in order."""
+    def claim_slot(self, frame: int) -> int | None:
+        """Claim a slot for `frame`; None: the frame is not kept. Frames come in order.
+
+        When all slots are taken the stride doubles and every other frame is evicted.
+        """
         if frame % self.stride == 0 and not (self._frames == EMPTY).any():
             self.stride *= 2
             self._frames[self._frames % self.stride != 0] = EMPTY
@@ -34,17 +37,16 @@ class ThinnedPast:
         return slot
 
     def log_weights(self) -> Float32:
-        """(n_slots,) logarithm of how many frames each stands for; -inf for empty slots."""
+        """(n_slots,) logarithm of the number of frames that each slot stands for; -inf if empty."""
         weights = np.where(self._frames == EMPTY, -np.inf, np.log(self.stride))
         return weights.astype(np.float32)
 
     def oldest_first(self, n: int) -> NDArray[np.int64]:
-        """Up to `n` filled slots, those first that `advance` has left longest."""
+        """Up to `n` filled slots in round-robin order, from the cursor on."""
         filled = np.flatnonzero(self._frames != EMPTY)
-        turn = np.roll(filled, -int(np.searchsorted(filled, self._next)))
-        return turn[:n]
+        return np.roll(filled, -int(np.searchsorted(filled, self._cursor)))[:n]
 
     def advance(self, slots: NDArray[np.int64]) -> None:
-        """Say that `slots` of `oldest_first` have been dealt with."""
+        """Move the round-robin cursor past `slots`."""
         if len(slots):
-            self._next = int(slots[-1]) + 1
+            self._cursor = int(slots[-1]) + 1

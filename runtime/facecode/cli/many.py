@@ -11,9 +11,9 @@ from tqdm import tqdm
 
 import facecode
 from facecode import writers
-from facecode.console import DONE, MISTAKE
+from facecode.cli.console import DONE, MISTAKE
+from facecode.cli.options import compute_of, parse_style
 from facecode.errors import FacecodeError, OutputFolderError, OutputWriteError, SampleError
-from facecode.styles import parse_style
 
 
 def run_many(args: argparse.Namespace) -> int:
@@ -24,12 +24,12 @@ def run_many(args: argparse.Namespace) -> int:
         OutputWriteError: the folder cannot be made.
         SampleError: samples or held codes, which are for one recording.
     """
-    if args.samples or args.lips or args.upper_face or args.hold:
+    if args.samples or args.hold:
         raise SampleError("samples and held codes are for one recording; give it alone, with -o")
     outputs = _outputs([Path(name) for name in args.audio], args.out_dir, f".{args.format}")
-    style = None if args.style is None else parse_style(args.style)
+    style = parse_style(args.style)
     start, seconds, n_failed = time.perf_counter(), 0.0, 0
-    face = facecode.load(args.bundle, threads=args.threads)
+    face = facecode.load(args.bundle, compute=compute_of(args))
     _make_folder(args.out_dir)
     for output in outputs:
         writers.check_output(output)

@@ -6,10 +6,10 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from facecode.bench import BenchReport
+from facecode.bench.results import BenchReport
 from facecode.errors import MissingExtraError
-from facecode.part import HEAD_CHUNK
-from facecode.writers.atomic import writing
+from facecode.loop.part import HEAD_CHUNK
+from facecode.writers import writing
 
 
 def table(report: BenchReport) -> str:
@@ -19,7 +19,8 @@ def table(report: BenchReport) -> str:
     head = (
         f"{r.system} {r.precision}, {r.mode} mode{window}, {r.audio_s:g} s of speech "
         f"({r.n_frames} frames) after {r.warm_up_s:g} s of warm-up\n"
-        f"{r.cpu}, {r.threads} threads, onnxruntime {r.onnxruntime}, Python {r.python}\n"
+        f"{r.cpu}, {r.threads} threads, onnxruntime {r.onnxruntime}, {r.provider}, "
+        f"Python {r.python}\n"
     )
     rows: list[tuple[str, ...]] = [("ms per frame", "p50", "p95", "p99", "mean")]
     for name, latency in (
@@ -81,7 +82,7 @@ def plot(reports: Sequence[BenchReport], path: Path) -> None:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise MissingExtraError("--plot needs matplotlib: pip install 'facecode[plots]'") from error
+        raise MissingExtraError.of("--plot", "matplotlib", "plots") from error
     figure = Figure(figsize=(8, 4), layout="constrained")
     axes = figure.add_subplot()
     for r in reports:

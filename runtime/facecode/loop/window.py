@@ -1,11 +1,11 @@
 """How a part's motion is fed back in `window` mode: the same work at every frame, for any length.
 
-A step decodes the three newest frames, whose convolution still changes, over a past of fixed size:
+A step decodes the newest frames, whose convolution still changes, over a past of fixed size:
 
 - the norm's mean and variance of all frames so far, exact;
 - keys and values of up to PAST_SLOTS earlier frames, thinned evenly when there are more, of which
-  the window's other W - 3 frames are decoded again in turn, since they grow stale;
-- one frame `delay` frames back, which is final then: what it shows has heard that much more.
+  the window's other frames are decoded again in turn, since they grow stale;
+- one frame `delay` frames back, which is final then: it has `delay` frames of future context.
 
 A clip of up to W frames comes out as in `exact`: nothing is thinned, and every frame is decoded
 again at every step. What longer clips deviate by is measured at export; see docs/performance.md.
@@ -13,31 +13,21 @@ again at every step. What longer clips deviate by is measured at export; see doc
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from facecode.arrays import AnyArray, Float32, Vectors
-from facecode.motion import CONTEXT, NEWEST, MotionDecoder, context_of
-from facecode.past import ThinnedPast
+from facecode.loop.part import MotionDecoder
+from facecode.loop.step import Final
+from facecode.loop.thinned_past import ThinnedPast
 
-SMALLEST_WINDOW = NEWEST
-DEFAULT_WINDOW = 8
-"""Frames that are decoded at a step where a bundle states no choice."""
 PAST_SLOTS = 128
 LONGEST_PAST = 600
 """Frames that self-attention looks back, as many as the public code has rows for. The bias of the
 slowest of four heads falls by a factor of e in 7,680 frames, so that no length makes the past
 vanish; this one leaves clips of up to 20 s as they are. 300 loses 6 % of the codes at 30 s."""
-DELAY = 30
-"""Frames after which a frame is shown: half of the deviation of 15, 1.5 x that of 60."""
-
-
-Show: TypeAlias = Callable[[slice, Float32], None]
-"""Takes the hidden frames (rows, m, E) that follow those shown before."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +55,23 @@ class WindowMotion:
         n_rows: int,
         vector_shape: tuple[int, ...],
         window: int,
-        show: Show,
+        delay: int,
     ) -> None:
-        """Begin without a frame; `show` gets the hidden frames of rows as they become final."""
-        self._decoder, self._show = decoder, show
+        """Begin without a frame.
+
+        Args:
+            decoder: the motion decoder of the part.
+            n_rows: batch rows.
+            vector_shape: (H, C).
+            window: frames decoded at a step.
+            delay: frames that follow a frame before it is final; `window` at least.
+        """
+        self._decoder = decoder
+        self._final: list[Final] = []
         self._n_rows = n_rows
-        self._n_revisited = window - NEWEST
-        self._delay = max(DELAY, window)
+        self._n_newest = decoder.n_newest
+        self._n_revisited = window - self._n_newest
+        self._delay = max(delay, window)
         n_slots = max(PAST_SLOTS, window)
         self._past = ThinnedPast(n_slots)
         slots = (decoder.n_layers, n_rows, decoder.n_heads, n_slots, decoder.head_dim)
@@ -86,7 +86,7 @@ class WindowMotion:
     def append(self, vectors: Vectors) -> None:
         """Add the code vectors (rows, H, C) of one frame; rows that have ended are left out."""
         n = len(vectors)
-        reach = self._vectors[:n, -(NEWEST + CONTEXT - 1) :]
+        reach = self._vectors[:n, -(self._n_newest + self._decoder.reach.before - 1) :]
         self._vectors = np.concatenate([reach, vectors[:, None]], axis=1)
         self._n_frames += 1
 
@@ -97,26 +97,31 @@ class WindowMotion:
             self._n_rows = n
         newest = self._n_frames - 1
         due = [newest - self._delay] if newest >= self._delay else []
-        decoded = self._decode(slice(n), due, last=False)
+        decoded = self._decode(slice(0, n), due, last=False)
         self._past.advance(decoded.slots)
         self._store(decoded.slots, decoded.keys, decoded.values)
-        if decoded.activations.shape[1] == NEWEST:
-            self._retire(newest - NEWEST + 1, decoded)
+        if decoded.activations.shape[1] == self._n_newest:
+            self._retire(newest - self._n_newest + 1, decoded)
         if due:
-            self._show(slice(n), decoded.hidden)
+            self._final.append((slice(0, n), decoded.hidden))
         return decoded.feedback
 
     def finish(self) -> None:
-        """Show the last frames of the clips that have not ended before."""
-        self._finish(slice(self._n_rows))
+        """Make the last frames final of the clips that have not ended before."""
+        self._finish(slice(0, self._n_rows))
+
+    def take_final(self) -> list[Final]:
+        """See `MotionState`."""
+        final, self._final = self._final, []
+        return final
 
     def _finish(self, rows: slice) -> None:
         newest = self._n_frames - 1
-        due = range(max(0, newest - self._delay), max(0, newest - NEWEST + 1))
-        self._show(rows, self._decode(rows, list(due), last=True).hidden)
+        due = range(max(0, newest - self._delay), max(0, newest - self._n_newest + 1))
+        self._final.append((rows, self._decode(rows, list(due), last=True).hidden))
 
     def _decode(self, rows: slice, due: list[int], last: bool) -> _Decoded:
-        start = max(0, self._vectors.shape[1] - NEWEST)
+        start = max(0, self._vectors.shape[1] - self._n_newest)
         vectors = self._vectors[rows]
         new = vectors[:, start:]
         slots = self._past.oldest_first(self._n_revisited)
@@ -132,7 +137,7 @@ class WindowMotion:
             ("feedback", "hidden", "activations", "keys", "values"),
             new,
             final if last else np.append(final, newest),
-            context=context_of(vectors, start),
+            context=self._decoder.context(vectors, start),
             revisited=revisited,
             count=np.array(self._count, np.float32),
             mean=self._mean[rows].astype(np.float32),
@@ -141,8 +146,7 @@ class WindowMotion:
             revisited_log_weights=own,
             **self._decoder.past_inputs(self._keys[:, rows], self._values[:, rows]),
         )
-        shown = hidden[:, : len(final)]
-        return _Decoded(feedback, shown, activations, keys, values, slots)
+        return _Decoded(feedback, hidden[:, : len(final)], activations, keys, values, slots)
 
     def _store(self, slots: NDArray[np.int64], keys: AnyArray, values: AnyArray) -> None:
         """Fresh keys and values (layers, rows, heads, n, width) into their slots."""
@@ -155,11 +159,11 @@ class WindowMotion:
         activation = decoded.activations[:, 0]
         n = len(activation)
         self._count += 1
-        apart = activation - self._mean[:n]
-        self._mean[:n] += apart / self._count
-        self._squares[:n] += apart * (activation - self._mean[:n])
+        difference = activation - self._mean[:n]
+        self._mean[:n] += difference / self._count
+        self._squares[:n] += difference * (activation - self._mean[:n])
         self._waiting[:n, frame % self._delay] = activation
-        slot = self._past.slot_for(frame)
+        slot = self._past.claim_slot(frame)
         if slot is not None:
             self._kept[:n, slot] = activation
             keys, values = decoded.keys[:, :, :, -1:], decoded.values[:, :, :, -1:]

@@ -1,0 +1,1 @@
+"""`facecode bench`: latency per frame on this machine."""

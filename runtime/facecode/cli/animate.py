@@ -1,0 +1,156 @@
+"""`facecode animate`: one recording to a file, or many to a folder."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import sys
+import time
+from pathlib import Path
+
+import facecode
+from facecode import writers
+from facecode.bundle import PACKAGED_BUNDLE
+from facecode.cli.hold_option import parse_hold
+from facecode.cli.many import run_many
+from facecode.cli.options import (
+    STANDARD_STREAM,
+    Commands,
+    add_compute,
+    add_mode,
+    add_quiet,
+    add_style,
+    compute_of,
+    parse_samples,
+    parse_style,
+    positive,
+)
+from facecode.errors import OutputFolderError
+from facecode.takes import Takes
+
+
+def add_parser(commands: Commands) -> argparse.ArgumentParser:
+    """The sub-command `animate`, with `run` set."""
+    animate = commands.add_parser("animate", help="animate a recording")
+    animate.set_defaults(run=run_animate)
+    animate.add_argument(
+        "audio", nargs="+", help="wav, flac, ogg, mp3, ... or - for standard input"
+    )
+    _add_output(animate)
+    animate.add_argument(
+        "--bundle",
+        metavar="DIR",
+        default=PACKAGED_BUNDLE,
+        help="a bundle's folder, or a packaged bundle: demo, diverse (default: demo)",
+    )
+    add_style(animate)
+    animate.add_argument(
+        "--template", metavar="MESH", help="an identity of the bundle, or .npy (V, 3), .ply, .obj"
+    )
+    _add_samples(animate)
+    add_mode(animate)
+    add_compute(animate)
+    add_quiet(animate)
+    return animate
+
+
+def _add_output(animate: argparse.ArgumentParser) -> None:
+    where = animate.add_mutually_exclusive_group(required=True)
+    where.add_argument(
+        "-o", "--output", metavar="FILE", help=f"{', '.join(writers.FORMATS)}, or - (npz)"
+    )
+    where.add_argument(
+        "--out-dir",
+        type=Path,
+        metavar="DIR",
+        help="a folder, made if need be: one file a recording, several at once",
+    )
+    animate.add_argument(
+        "--format",
+        choices=[suffix[1:] for suffix in writers.FORMATS],
+        default="npz",
+        help="of the files in --out-dir (default: npz)",
+    )
+
+
+def _add_samples(animate: argparse.ArgumentParser) -> None:
+    animate.add_argument(
+        "--samples",
+        action="append",
+        default=[],
+        metavar="K",
+        help="K faces for the one voice, as in --samples 5; or, again and again, samples by part, "
+        "as in --samples lips=2 --samples upper_face=3",
+    )
+    animate.add_argument(
+        "--lips", type=positive(int), metavar="K", help="short for --samples lips=K"
+    )
+    animate.add_argument(
+        "--upper-face", type=positive(int), metavar="M", help="short for --samples upper_face=M"
+    )
+    animate.add_argument(
+        "--hold",
+        action="append",
+        default=[],
+        metavar="PART=FILE.npz[#K]",
+        help="keep a part's codes from another result, as in --hold lips=talk.npz#2",
+    )
+
+
+def run_animate(args: argparse.Namespace) -> int | None:
+    """`facecode animate`."""
+    by_part = {"lips": args.lips, "upper_face": args.upper_face}
+    args.samples = parse_samples(args.samples, by_part)
+    if args.out_dir is not None:
+        return run_many(args)
+    if len(args.audio) != 1:
+        raise OutputFolderError(
+            f"got {len(args.audio)} recordings and one output; name a folder with --out-dir"
+        )
+    _animate_one(args, args.audio[0])
+    return None
+
+
+def _animate_one(args: argparse.Namespace, source: str) -> None:
+    to_stdout = args.output == STANDARD_STREAM
+    output = Path("animation.npz" if to_stdout else args.output)
+    if not to_stdout:
+        writers.check_output(output)
+    hold = dict(parse_hold(text) for text in args.hold)
+    audio = io.BytesIO(sys.stdin.buffer.read()) if source == STANDARD_STREAM else Path(source)
+    start = time.perf_counter()
+    face = facecode.load(args.bundle, compute=compute_of(args))
+    writers.check_face(writers.format_of(output), face.bundle.faces is not None, False)
+    clip = face.animate(
+        audio,
+        parse_style(args.style),
+        mode=args.mode,
+        window=args.window,
+        template=args.template,
+        samples=args.samples,
+        hold=hold,
+        progress=not args.quiet,
+    )
+    if to_stdout:
+        _write_stdout(clip, output)
+        return
+    clip.save(output, progress=not args.quiet)
+    if not args.quiet:
+        print(f"{output}: {_summary(clip)}, in {time.perf_counter() - start:.2f} s")
+
+
+def _write_stdout(clip: facecode.Animation | Takes, output: Path) -> None:
+    buffer = io.BytesIO()  # a zip file needs to seek
+    several = clip.clips if isinstance(clip, Takes) else clip
+    writers.write(several, buffer, writers.format_of(output))
+    sys.stdout.buffer.write(buffer.getbuffer())
+    sys.stdout.buffer.flush()
+
+
+def _summary(clip: facecode.Animation | Takes) -> str:
+    several = f"{len(clip)} faces, " if isinstance(clip, Takes) else ""
+    first = clip[0] if isinstance(clip, Takes) else clip
+    return (
+        f"{several}{first.n_frames} frames at {first.fps:g} fps ({first.duration_s:.2f} s), "
+        f"{len(first.template):,} vertices"
+    )

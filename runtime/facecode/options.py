@@ -1,0 +1,43 @@
+"""What a caller may ask for beside the recording: the options of every door, said once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, TypeAlias, TypedDict
+
+from facecode.arrays import AnyArray
+from facecode.clip import Clip
+from facecode.template import TemplateSource
+
+Mode: TypeAlias = Literal["exact", "window"]
+MODES: tuple[Mode, ...] = ("exact", "window")
+Style: TypeAlias = "str | Mapping[str, float]"
+"""A style's name, or a mix {name: weight}."""
+Samples: TypeAlias = "int | Mapping[str, int]"
+"""How many faces, or how many samples by part name."""
+Held: TypeAlias = "Mapping[str, AnyArray | Clip]"
+"""Codes (T, H) to keep, or a clip whose codes to keep, by part name."""
+
+
+class BatchOptions(TypedDict, total=False):
+    """Options that serve one recording or many."""
+
+    mode: Mode
+    """`exact` gives the trained system's codes; `window` costs the same at every frame. The
+    bundle's first mode by default."""
+    window: int | None
+    """Frames that `window` decodes at a step, 3 or more; the bundle's choice by default."""
+    template: TemplateSource | None
+    """Another neutral face of the same topology: the name of one of the bundle's identities, or
+    .npy, .ply, .obj or (V, 3)."""
+    sample_rate: int | None
+    """Of audio arrays, in Hz; the bundle's rate by default."""
+
+
+class Options(BatchOptions, total=False):
+    """Options of one recording."""
+
+    hold: Held | None
+    """Parts to keep as they are, by name."""
+    progress: bool
+    """Show a bar on stderr."""
