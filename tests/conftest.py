@@ -28,7 +28,7 @@ FORMS = {"vocaset": (2, "sentence{:02d}"), "biwi": (1, "e{:02d}")}
 def make_folder(root, form, n_vertices):
     """A data set of a few short clips, at the rate and under the names of the real one."""
     rng = np.random.default_rng(0)
-    from facecode_exporter.evaluation.data_set import LAYOUTS
+    from facecode_exporter.data.data_set import LAYOUTS
 
     layout, (keep_every, sentence) = LAYOUTS[form], FORMS[form]
     for folder in ("vertices_npy", "wav"):
@@ -122,7 +122,7 @@ def golden(request, tmp_path_factory):
 @pytest.fixture(scope="session")
 def golden_bundle(golden, tmp_path_factory):
     """The golden exported through the command line."""
-    from facecode_exporter.cli import main
+    from facecode_exporter.cli.main import main
 
     out = tmp_path_factory.mktemp("bundles") / golden.folder.name
     assert main(golden.export_args(out)) == 0

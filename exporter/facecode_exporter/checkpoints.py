@@ -7,7 +7,6 @@ read with `weights_only=True` and become float32. Knows nothing of graphs.
 
 from __future__ import annotations
 
-import hashlib
 import pickle
 import re
 from collections.abc import Mapping, Sequence
@@ -64,9 +63,9 @@ def load_system(system: SystemSpec, stage1: Sequence[Path], stage2: Sequence[Pat
         first, second = read_state(first_file), read_state(second_file)
         _refuse_swapped(first, second, first_file, second_file)
         _fold_weight_norm(second)
-        heard = {k: second.pop(k) for k in list(second) if k.startswith(AUDIO)}
-        _require_same(encoder, heard, second_file)
-        encoder = encoder or heard
+        own_encoder = {k: second.pop(k) for k in list(second) if k.startswith(AUDIO)}
+        _require_same(encoder, own_encoder, second_file)
+        encoder = encoder or own_encoder
         problems += _fill_part(part, first, second, first_file, second_file)
     problems += _fill(net.audio_encoder, encoder, f"stage 2, {stage2[0]}", prefix=AUDIO)
     if problems:
@@ -164,15 +163,6 @@ def load_stage1(autoencoder: VQAutoencoder, stage1: Path) -> None:
         _take_constant(trunk, state.pop(f"{side}.{side}_pos_embedding.pe", None))
     if problems := _fill(autoencoder, state, f"stage 1, {stage1}"):
         raise CheckpointError(_listed(problems))
-
-
-def file_sha256(path: Path) -> str:
-    """SHA-256 of a file, hexadecimal."""
-    with path.open("rb") as file:
-        digest = hashlib.sha256()
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 def _refuse_swapped(first: State, second: State, stage1: Path, stage2: Path) -> None:

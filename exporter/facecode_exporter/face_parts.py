@@ -13,7 +13,7 @@ import numpy as np
 
 from facecode.arrays import Indices
 from facecode_exporter.errors import RegionError
-from facecode_exporter.evaluation.regions import read_region_file
+from facecode_exporter.measures.regions import read_region_file
 from facecode_spec.schema import SystemSpec
 
 LIPS = "lips"
@@ -25,7 +25,7 @@ def part_vertices(system: SystemSpec, lips: Path | None) -> dict[str, Indices]:
     Raises:
         RegionError: a system of parts without a file, or a file that does not fit the mesh.
     """
-    if len(system.parts) == 1:
+    if system.family != "cdface":
         return {}
     if lips is None:
         raise RegionError(
@@ -83,7 +83,7 @@ def divided(system: SystemSpec, args: argparse.Namespace) -> tuple[SystemSpec, d
     Raises:
         RegionError: see `part_vertices`.
     """
-    if len(system.parts) == 1:
+    if system.family != "cdface":
         return system, {}
     vertices = part_vertices(system, args.lips)
     return variant(with_vertices(system, vertices), args.samples, args.upper_first), vertices

@@ -8,12 +8,13 @@ import torch
 
 from facecode.animator import Animator
 from facecode.bundle import Bundle
-from facecode_exporter import bundle_writer, parity
-from facecode_exporter.motion_view import MotionDecoderView
+from facecode_exporter.bundles import parity
+from facecode_exporter.bundles import writer as bundle_writer
+from facecode_exporter.bundles.motion_view import MotionDecoderView
+from facecode_exporter.bundles.speech_view import SpeechEncoderView
+from facecode_exporter.bundles.views import DecoderStepView
 from facecode_exporter.nets.speech import FAMILIES, n_frames, samples_for
 from facecode_exporter.random_weights import random_network
-from facecode_exporter.speech_view import SpeechEncoderView
-from facecode_exporter.views import DecoderStepView
 from facecode_spec.schema import CodebookSpec
 from facecode_spec.systems import SYSTEMS
 

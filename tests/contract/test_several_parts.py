@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from facecode.request import Request
 
 from facecode.animator import Animator
 from facecode.bundle import Bundle
-from facecode.request import Request
-from facecode_exporter import bundle_writer, parity
-from facecode_exporter.cli import main
+from facecode_exporter.bundles import parity
+from facecode_exporter.bundles import writer as bundle_writer
+from facecode_exporter.cli.main import main
 from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.random_weights import random_network
 from facecode_spec.systems import SYSTEMS

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from facecode_exporter.bundle_writer import Neutral, write_bundle
+from facecode_exporter.bundles.neutral import Neutral
+from facecode_exporter.bundles.writer import write_bundle
 from facecode_exporter.checkpoints import load_stage1, save_stage1, save_system
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
-from facecode_exporter.demo.head import LIP_PAIR, Head, load_head
 from facecode_exporter.demo.whisper_wheel import whisper_weights
+from facecode_exporter.head.head import LIP_PAIR, Head, load_head
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.run import train

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from facecode.errors import MissingExtraError
-from facecode.writers.atomic import writing
-from facecode_exporter.evaluation.lip_sync import (
+from facecode.writers import writing
+from facecode_exporter.evaluation.speech import SpokenClip
+from facecode_exporter.measures.lip_sync import (
     CLOSED_BELOW,
     LIPS_TOGETHER,
     OPEN_ABOVE,
     OPEN_VOWELS,
     SILENCE,
 )
-from facecode_exporter.evaluation.speech import SpokenClip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from facecode_exporter.data.clips import Clips, batches
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.training.config import TrainingConfig
-from facecode_exporter.training.data import Clips, batches
 from facecode_exporter.training.diverse_losses import TERMS, diverse_terms, total
 from facecode_exporter.training.losses import straight_through
 from facecode_exporter.training.speech_rows import SpeechRows

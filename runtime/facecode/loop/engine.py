@@ -46,6 +46,11 @@ class Engine:
         return cls(SpeechEncoder(encoder, m), parts, m.n_vertices)
 
     @property
+    def graphs(self) -> tuple[Graph, ...]:
+        """All graphs in the order in which they run."""
+        return (self.speech_encoder.graph, *(g for part in self.parts for g in part.graphs))
+
+    @property
     def smallest_window(self) -> int:
         """The fewest frames that a step can decode."""
         return max(part.motion.n_newest for part in self.parts)
