@@ -17,8 +17,8 @@ from facecode_exporter.cli.bench_reference import add_parser as add_bench_refere
 from facecode_exporter.cli.demo import add_baseline_parser, add_model_parser
 from facecode_exporter.cli.demo import add_parser as add_corpus_parser
 from facecode_exporter.cli.evaluate import add_parser as add_evaluate
+from facecode_exporter.cli.options import add_variant_options, divided
 from facecode_exporter.cli.train import add_parser as add_train_parser
-from facecode_exporter.face_parts import add_variant_options, divided
 from facecode_spec.systems import SYSTEMS
 
 if TYPE_CHECKING:
@@ -162,9 +162,7 @@ def _with_extra(args: argparse.Namespace) -> None:
     except ModuleNotFoundError as error:
         if error.name not in EXTRA_MODULES:
             raise
-        raise MissingExtraError(
-            f"{args.command} needs {error.name}: pip install 'facecode[export]'"
-        ) from error
+        raise MissingExtraError.of(args.command, str(error.name), "export") from error
 
 
 def _add_checkpoints(parser: argparse.ArgumentParser, system_required: bool) -> None:

@@ -10,8 +10,11 @@ from typing import Any, TypeVar
 
 from tqdm import tqdm
 
+from facecode.arrays import Indices
 from facecode.cli.options import STANDARD_STREAM
 from facecode.writers import check_folder, writing
+from facecode_exporter.face_parts import part_vertices, variant, with_vertices
+from facecode_spec.schema import SystemSpec
 
 T = TypeVar("T")
 
@@ -66,3 +69,26 @@ def deliver(plain: dict[str, Any], table: str, file: str | None) -> None:
 def bar(what: str, quiet: bool) -> Callable[[Sequence[T]], Iterable[T]]:
     """A progress bar over clips on stderr."""
     return lambda work: tqdm(work, desc=what, unit="clip", disable=quiet)
+
+
+def add_variant_options(parser: argparse.ArgumentParser) -> None:
+    """The options of systems of several parts."""
+    parser.add_argument(
+        "--lips", type=Path, metavar="FILE", help="systems of parts: vertex indices of the lip part"
+    )
+    parser.add_argument("--samples", type=int, metavar="K", help="of each part (default: 5)")
+    parser.add_argument(
+        "--upper-first", action="store_true", help="the upper face first, then the lips"
+    )
+
+
+def divided(system: SystemSpec, args: argparse.Namespace) -> tuple[SystemSpec, dict[str, Indices]]:
+    """The system that the options ask for, and the vertices of its parts.
+
+    Raises:
+        RegionError: see `part_vertices`.
+    """
+    if system.family != "cdface":
+        return system, {}
+    vertices = part_vertices(system, args.lips)
+    return variant(with_vertices(system, vertices), args.samples, args.upper_first), vertices

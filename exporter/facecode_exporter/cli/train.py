@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from facecode.cli.options import Commands
-from facecode_exporter.cli.options import vertex_pair
-from facecode_exporter.face_parts import add_variant_options
+from facecode_exporter.cli.options import add_variant_options, vertex_pair
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
 
 if TYPE_CHECKING:
-    from facecode_exporter.data.clips import Clips
     from facecode_exporter.training.config import TrainingConfig
 
 LAYOUT_OF = {
@@ -84,7 +81,6 @@ def run_train(args: argparse.Namespace) -> None:
     Raises:
         ConfigError, DataSetError, RunError, CheckpointError.
     """
-    from facecode_exporter.data.clips import FolderClips
     from facecode_exporter.errors import RunError
     from facecode_exporter.training import config as configs
 
@@ -95,12 +91,12 @@ def run_train(args: argparse.Namespace) -> None:
         if (value := getattr(args, name)) is not None
     }
     if layout == "corpus":
-        from facecode_exporter.demo.on_corpus import run_on_corpus
+        from facecode_exporter.cli.train_on_corpus import run_on_corpus
 
         print(run_on_corpus(args, chosen))
         return
     if args.stage == "cdface" or system.family == "cdface":
-        from facecode_exporter.training.cdface_recipes import run_part
+        from facecode_exporter.cli.train_cdface import run_part
 
         print(run_part(args, system, layout, chosen))
         return
@@ -113,64 +109,33 @@ def run_train(args: argparse.Namespace) -> None:
     if args.stage == "stage2" and args.stage1 is None:
         raise RunError("stage 2 needs --stage1, the file that stage 1 wrote")
 
-    def clips(split: str) -> Clips:
-        return FolderClips(args.data, layout, split, system.n_vertices)
-
-    run = train_stage1 if args.stage == "stage1" else train_stage2
-    print(run(args, system, clips, config))
+    print(_train_codetalker(args, system, layout, config))
 
 
-def train_stage1(
-    args: argparse.Namespace,
-    system: SystemSpec,
-    clips: Callable[[str], Clips],
-    config: TrainingConfig,
+def _train_codetalker(
+    args: argparse.Namespace, system: SystemSpec, layout: str, config: TrainingConfig
 ) -> Path:
-    """Train the autoencoder and write stage1.pth.tar into the run's folder."""
-    import torch
-
-    from facecode_exporter.checkpoints import save_stage1
+    """One stage of a system of one part; gives the checkpoint that it wrote."""
+    from facecode_exporter.checkpoints import save_stage2
+    from facecode_exporter.data.clips import FolderClips
     from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
-    from facecode_exporter.training.run import train
-    from facecode_exporter.training.stage1 import Stage1
-
-    torch.manual_seed(config.seed)
-    net = VQAutoencoder(system.parts[0], system.n_vertices)
-    train(
-        Stage1(net, clips("train"), clips("validation"), config), config, args.out, not args.quiet
-    )
-    out: Path = args.out / "stage1.pth.tar"
-    save_stage1(net, out)
-    return out
-
-
-def train_stage2(
-    args: argparse.Namespace,
-    system: SystemSpec,
-    clips: Callable[[str], Clips],
-    config: TrainingConfig,
-) -> Path:
-    """Train speech to codes and write stage2.pth.tar into the run's folder."""
-    import torch
-
-    from facecode_exporter.checkpoints import load_stage1, save_stage2
-    from facecode_exporter.nets.codetalker import CodeTalker
-    from facecode_exporter.training.run import train
+    from facecode_exporter.training import recipes
     from facecode_exporter.training.speech_weights import load_wav2vec2
-    from facecode_exporter.training.stage2 import Stage2
 
-    torch.manual_seed(config.seed)
-    net = CodeTalker(system)
-    torch.nn.init.zeros_(net.feat_map.weight)
-    load_stage1(net.autoencoder, args.stage1)
-    if args.speech_encoder is not None:
-        load_wav2vec2(net.audio_encoder, args.speech_encoder)
-    train(
-        Stage2(net, clips("train"), clips("validation"), config), config, args.out, not args.quiet
+    clips = (
+        FolderClips(args.data, layout, "train", system.n_vertices),
+        FolderClips(args.data, layout, "validation", system.n_vertices),
     )
-    out: Path = args.out / "stage2.pth.tar"
-    save_stage2(net, net.audio_encoder, out)
-    return out
+    out: Path = args.out
+    progress = not args.quiet
+    if args.stage == "stage1":
+        net = recipes.seeded(config, lambda: VQAutoencoder(system.parts[0], system.n_vertices))
+        return recipes.train_prior(net, clips, config, out, progress)
+    folder = args.speech_encoder
+    load = None if folder is None else lambda encoder: load_wav2vec2(encoder, folder)
+    trained = recipes.train_codetalker(system, args.stage1, clips, config, out, load, progress)
+    save_stage2(trained, trained.audio_encoder, out / recipes.STAGE2_FILE)
+    return out / recipes.STAGE2_FILE
 
 
 def _system(args: argparse.Namespace) -> tuple[SystemSpec, str]:

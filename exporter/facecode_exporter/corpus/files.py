@@ -21,10 +21,11 @@ import numpy as np
 
 from facecode.arrays import Audio, Offsets
 from facecode.audio import load_audio
-from facecode_exporter.corpus.phones import SAMPLE_RATE, Phone
+from facecode_exporter.corpus.phones import SAMPLE_RATE
 from facecode_exporter.corpus.rules import Weights
 from facecode_exporter.errors import CorpusError
 from facecode_exporter.head.head import Head, load_head
+from facecode_exporter.measures.phone import Phone
 
 ABOUT, SPLIT_FILE, HEAD = "corpus.json", "splits.json", "head.npz"
 FORMAT = 1

@@ -1,6 +1,6 @@
 """Make the demo corpus: utterances in every style, written clip by clip.
 
-Comes in: a folder, a length and a seed. Goes out: the layout of `corpus_files.py`. Interrupted, it
+Comes in: a folder, a length and a seed. Goes out: the layout of `corpus/files.py`. Interrupted, it
 goes on where it stopped; made longer, it keeps what is there. A clip depends on the seed, its style
 and its number only. Ten minutes take 20-25 s on one core and 13 MB, four fifths of it sound.
 """
@@ -48,7 +48,7 @@ from facecode_exporter.corpus.utterance import (
 from facecode_exporter.corpus.voices import SOURCES, Voice, available_voices
 from facecode_exporter.errors import CorpusError
 from facecode_exporter.head.head import PACKAGED
-from facecode_exporter.measures.rule_lip_sync import LipSync, count_lip_sync
+from facecode_exporter.measures.lip_sync_counts import LipSync, count_lip_sync
 
 PACKAGES = ("hibari-tts", "pocketsphinx", "numpy", "scipy", "soxr", "onnxruntime")
 LICENCES = {
@@ -155,9 +155,7 @@ def _tools() -> tuple[Aligner, list[str]]:
         lexicon = files("hibari") / "assets" / "lexicon_us_gold.json.gz"
         known = json.loads(gzip.decompress(lexicon.read_bytes()))
     except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"the corpus needs {error.name}: pip install 'facecode[corpus]'"
-        ) from error
+        raise MissingExtraError.of("the corpus", str(error.name), "corpus") from error
     return aligner, vocabulary_of(aligner, [word for word in known if len(word) in WORD_LENGTHS])
 
 

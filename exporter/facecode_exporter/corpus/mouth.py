@@ -13,14 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from facecode.arrays import Float32
-from facecode_exporter.corpus.phones import SILENCE, Phone
 from facecode_exporter.corpus.prosody import frame_times
 from facecode_exporter.corpus.styles import Style
 from facecode_exporter.corpus.visemes import (
     JAW,
     LIP_ON_TEETH,
     LIPS,
-    LIPS_TOGETHER,
     TONGUE,
     VISEMES,
     VOWELS,
@@ -28,6 +26,7 @@ from facecode_exporter.corpus.visemes import (
     split_diphthongs,
 )
 from facecode_exporter.head.face_units import FACE_UNITS, UNIT, unit_weights
+from facecode_exporter.measures.phone import LIPS_TOGETHER, SILENCE, Phone
 
 REACH_S = {JAW: 0.055, LIPS: 0.070, TONGUE: 0.040}  # how far a phone reaches beyond itself
 PLATEAU = 0.3  # share of a phone, either side of its middle, at full dominance

@@ -11,31 +11,23 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from facecode.arrays import Audio
 from facecode_exporter.errors import AlignmentError
+from facecode_exporter.measures.phone import SILENCE, Phone
 
 if TYPE_CHECKING:
     from pocketsphinx import Segment
 
 SAMPLE_RATE = 16000
 FRAME_S = 0.01
-SILENCE = "SIL"
 BEFORE_S, AFTER_S = 0.07, 0.05  # kept around the sound: a stop begins with silence
 QUIET_DB = 38.0  # below the loud frames of the recording
 DIGITAL_SILENCE_DB = -85.0
 _WORD = re.compile(r"[a-z]+(?:['.][a-z]+)*\.?")
-
-
-class Phone(NamedTuple):
-    """An ARPABET sound without stress, or SIL."""
-
-    name: str
-    start_s: float
-    end_s: float
 
 
 class Aligner:

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from facecode.arrays import Audio, Float32
 from facecode_exporter.corpus.mouth import mouth_weights
-from facecode_exporter.corpus.phones import SAMPLE_RATE, Phone, require_contiguous
+from facecode_exporter.corpus.phones import SAMPLE_RATE, require_contiguous
 from facecode_exporter.corpus.prosody import frame_windows, loudness, pitch
 from facecode_exporter.corpus.styles import Style
 from facecode_exporter.corpus.upper_face import upper_face_weights
+from facecode_exporter.measures.phone import Phone
 
 FPS = 30.0
 Weights: TypeAlias = NDArray[np.float16]

@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from facecode.arrays import Float32
-from facecode_exporter.corpus.phones import SILENCE, Phone
 from facecode_exporter.corpus.prosody import frame_times
 from facecode_exporter.corpus.styles import Style
 from facecode_exporter.corpus.visemes import VOWELS
 from facecode_exporter.head.face_units import FACE_UNITS, UNIT, unit_weights
+from facecode_exporter.measures.phone import SILENCE, Phone
 
 # (seconds from the start, how far shut); 230 ms in all
 BLINK = ((0.0, 0.0), (0.05, 1.0), (0.14, 1.0), (0.23, 0.0))

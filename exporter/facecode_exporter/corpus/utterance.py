@@ -17,9 +17,7 @@ import numpy as np
 from facecode.arrays import Audio
 from facecode_exporter.corpus.phones import (
     SAMPLE_RATE,
-    SILENCE,
     Aligner,
-    Phone,
     merged,
     shifted,
     sounding,
@@ -29,6 +27,7 @@ from facecode_exporter.corpus.prompts import sentence
 from facecode_exporter.corpus.room_acoustics import empty_room, gated, recorded, with_breath
 from facecode_exporter.corpus.voices import Voice, speak
 from facecode_exporter.errors import AlignmentError
+from facecode_exporter.measures.phone import SILENCE, Phone
 
 SPLITS = ("train", "val", "test")
 PAUSE_S = (0.3, 1.0)

@@ -11,13 +11,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from facecode.arrays import Float32
-from facecode_exporter.corpus.phones import SILENCE, Phone
 from facecode_exporter.head.face_units import unit_weights
+from facecode_exporter.measures.phone import OPEN_VOWELS, SILENCE, Phone
 
 JAW, LIPS, TONGUE = "jaw", "lips", "tongue"
-LIPS_TOGETHER = frozenset("PBM")
 LIP_ON_TEETH = frozenset("FV")
-OPEN_VOWELS = frozenset(("AA", "AE", "AO", "AW", "AY"))
 VOWELS = OPEN_VOWELS | {"AH", "EH", "ER", "EY", "IH", "IY", "OW", "OY", "UH", "UW"}
 
 

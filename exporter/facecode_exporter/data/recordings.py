@@ -17,7 +17,7 @@ from facecode.errors import FacecodeError, MissingExtraError
 from facecode_exporter.errors import EvaluationError
 
 if TYPE_CHECKING:
-    from facecode_exporter.corpus.phones import Phone
+    from facecode_exporter.measures.phone import Phone
 
 ALIGNED_RATE = 16000
 SUFFIXES = (".wav", ".flac")
@@ -64,9 +64,7 @@ def load_aligner() -> PhoneAligner:
     try:
         return Aligner()
     except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"evaluate speech needs {error.name}: pip install 'facecode[corpus]'"
-        ) from error
+        raise MissingExtraError.of("evaluate speech", str(error.name), "corpus") from error
 
 
 def read_recordings(

@@ -1,4 +1,4 @@
-"""Do the lips do what the sounds demand? Measures that need no captured motion.
+"""Lip sync without captured motion, in shares of the clip's own full opening.
 
 Comes in: the mouth opening per frame and the phones of the same recording. Goes out: verdicts and
 shares. Knows nothing of audio, bundles or files.
@@ -6,7 +6,7 @@ shares. Knows nothing of audio, bundles or files.
 One grid for all: frame t is shown at t / fps seconds, and a phone owns the frames from its start to
 its end, both included. Frames before the first and after the last do not exist: a phone that keeps
 no frame inside the clip is not judged and counts nowhere. All thresholds are shares of the clip's
-own full opening, so that a face that speaks with small movements is not blamed for it.
+own full opening, so that small articulation is not penalised.
 """
 
 from __future__ import annotations
@@ -14,18 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from facecode.arrays import AnyArray, Float32, Offsets, Template
+from facecode_exporter.measures.phone import LIPS_TOGETHER, OPEN_VOWELS, SILENCE, Phone
 
-if TYPE_CHECKING:
-    from facecode_exporter.corpus.phones import Phone
-
-LIPS_TOGETHER = frozenset("PBM")
-OPEN_VOWELS = frozenset(("AA", "AE", "AO", "AW", "AY"))
-SILENCE = "SIL"
 CLOSED_BELOW, OPEN_ABOVE = 0.15, 0.35  # of the full opening
 FULL_PERCENTILE = 95.0
 SHORTEST_CLOSURE_S, SHORTEST_OPENING_S, SHORTEST_SILENCE_S = 0.04, 0.06, 0.3

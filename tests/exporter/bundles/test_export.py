@@ -52,7 +52,8 @@ def test_manifest(exported):
     assert set(manifest["sources"]) == {"stage1", "stage2"}
     assert manifest["exported_with"]["torch"] == version("torch")
     assert manifest["opset"] == OPSET
-    assert manifest["look_ahead_ms"] is None
+    assert manifest["modes"]["exact"]["look_ahead_ms"] is None
+    assert manifest["modes"]["window"]["delay_frames"] == 30
     assert set(manifest["files"]) == {
         f.name for f in exported.iterdir() if f.name != "manifest.json"
     }
@@ -93,7 +94,7 @@ def test_existing_bundle_is_replaced_and_other_folders_are_not(
 
 def test_a_failed_comparison_fails_the_export(checkpoints, tmp_path, monkeypatch, capsys):
     """A runtime that looks up the wrong rows: exit 1, the numbers, and no bundle."""
-    from facecode.codebook import Codebook
+    from facecode.loop.part import Codebook
 
     right = Codebook.look_up
     monkeypatch.setattr(Codebook, "look_up", lambda self, codes: right(self, codes - 1))

@@ -5,9 +5,7 @@ import pytest
 
 from facecode_exporter.corpus.phones import (
     SAMPLE_RATE,
-    SILENCE,
     Aligner,
-    Phone,
     covering,
     merged,
     require_contiguous,
@@ -15,6 +13,7 @@ from facecode_exporter.corpus.phones import (
     words_of,
 )
 from facecode_exporter.errors import AlignmentError
+from facecode_exporter.measures.phone import SILENCE, Phone
 
 
 @pytest.fixture(scope="module")

@@ -5,14 +5,15 @@ import itertools
 import numpy as np
 import pytest
 
-from facecode_exporter.corpus.phones import SAMPLE_RATE, SILENCE, Phone
+from facecode_exporter.corpus.phones import SAMPLE_RATE
 from facecode_exporter.corpus.rules import FPS, face_weights, frames_in
 from facecode_exporter.corpus.styles import STYLES, style_named
 from facecode_exporter.corpus.visemes import ALIKE, DIPHTHONGS, VISEMES, VOWELS, split_diphthongs
 from facecode_exporter.errors import AlignmentError
 from facecode_exporter.head.face_units import UNIT
 from facecode_exporter.head.head import load_head
-from facecode_exporter.measures.rule_lip_sync import count_lip_sync
+from facecode_exporter.measures.lip_sync_counts import count_lip_sync
+from facecode_exporter.measures.phone import SILENCE, Phone
 
 ARPABET = {*VOWELS, SILENCE}.union(
     *(

@@ -7,26 +7,22 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from facecode_exporter.checkpoints import (
     load_encoder,
     load_part,
     load_stage1,
-    save_stage1,
-    save_stage2,
 )
+from facecode_exporter.cli.options import divided
 from facecode_exporter.data.clips import FolderClips, FolderPart
 from facecode_exporter.errors import RunError
-from facecode_exporter.face_parts import divided, variant
+from facecode_exporter.face_parts import variant
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
+from facecode_exporter.training import recipes
 from facecode_exporter.training.config import TrainingConfig, cdface_defaults, stage1_defaults
 from facecode_exporter.training.diverse_losses import DiverseLosses
-from facecode_exporter.training.query import QueryStage, start_from_one
-from facecode_exporter.training.run import train
+from facecode_exporter.training.query import start_from_one
 from facecode_exporter.training.speech_weights import load_wav2vec2
-from facecode_exporter.training.stage1 import Stage1
 from facecode_spec.schema import SystemSpec
 
 
@@ -48,27 +44,20 @@ def run_part(
     )
     about = (system.name, str(args.data))
     vocaset = layout == "vocaset"
+    clips, progress = (train_clips, val_clips), not args.quiet
     if args.stage == "stage1":
         config = dataclasses.replace(stage1_defaults(*about, vocaset), part=name, **chosen)
-        torch.manual_seed(config.seed)
-        net = PartNet(system, system.part(name)).autoencoder
-        train(Stage1(net, train_clips, val_clips, config), config, args.out, not args.quiet)
-        out: Path = args.out / "stage1.pth.tar"
-        save_stage1(net, out)
-        return out
+        net = recipes.seeded(config, lambda: PartNet(system, system.part(name)))
+        return recipes.train_prior(net.autoencoder, clips, config, args.out, progress)
     config = dataclasses.replace(cdface_defaults(*about, name, vocaset), **chosen)
     config = dataclasses.replace(config, losses=DiverseLosses(mask=not args.no_mask))
-    torch.manual_seed(config.seed)
-    return _train_query(args, CDFace(system), train_clips, val_clips, config)
+    query_net = recipes.seeded(config, lambda: CDFace(system))
+    _load(args, query_net, config)
+    return recipes.train_query(query_net, clips, config, args.out, progress)
 
 
-def _train_query(
-    args: argparse.Namespace,
-    net: CDFace,
-    train_clips: FolderPart,
-    val_clips: FolderPart,
-    config: TrainingConfig,
-) -> Path:
+def _load(args: argparse.Namespace, net: CDFace, config: TrainingConfig) -> None:
+    """The weights that the part begins with."""
     first, part = net.part_nets[0], net.part_net(str(config.part))
     load_stage1(part.autoencoder, args.stage1)
     if part is not first:
@@ -78,10 +67,6 @@ def _train_query(
         load_wav2vec2(net.audio_encoder, args.speech_encoder)
     if args.start is not None:
         _start(args, net, part, config)
-    train(QueryStage(net, train_clips, val_clips, config), config, args.out, not args.quiet)
-    out: Path = args.out / "stage2.pth.tar"
-    save_stage2(part, net.audio_encoder, out)
-    return out
 
 
 def _start(args: argparse.Namespace, net: CDFace, part: PartNet, config: TrainingConfig) -> None:

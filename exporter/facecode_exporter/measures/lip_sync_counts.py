@@ -1,4 +1,4 @@
-"""Do the lips do what the sounds demand? Closures, openings and rest, counted.
+"""Lip sync of a head whose size is known, in metres: closures, openings and rests, counted.
 
 Comes in: phones and the mouth opening per frame, from labels or from a model. Goes out: counts.
 Knows nothing of weights, heads or audio.
@@ -12,8 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from facecode.arrays import Float32
-from facecode_exporter.corpus.phones import SILENCE, Phone
-from facecode_exporter.corpus.visemes import LIPS_TOGETHER, OPEN_VOWELS
+from facecode_exporter.measures.phone import LIPS_TOGETHER, OPEN_VOWELS, SILENCE, Phone
 
 CLOSED_M = 0.5e-3  # at most this much wider than at rest
 OPEN_M = 1.5e-3  # at least this much wider than at rest; mumbled vowels open by 2.8 mm or more
