@@ -50,6 +50,17 @@ def make_folder(root, form, n_vertices):
     return root
 
 
+def pytest_report_header():
+    """Versions and providers that a failure may depend on."""
+    from importlib.metadata import version
+
+    from facecode.session import available_providers, usable_cores
+
+    names = ("numpy", "onnxruntime", "soundfile", "torch")
+    versions = ", ".join(f"{name} {version(name)}" for name in names)
+    return f"{versions}; {usable_cores()} cores; {', '.join(available_providers())}"
+
+
 @dataclass(frozen=True)
 class Golden:
     """A case of the public code with its checkpoint files."""

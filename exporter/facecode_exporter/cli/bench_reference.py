@@ -25,8 +25,12 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:  # noqa: ANN401
     )
     parser.set_defaults(run=run)
     parser.add_argument("bundles", nargs="+", type=Path, metavar="DIR", help="of these weights")
-    parser.add_argument("--stage1", type=Path, nargs="+", required=True, metavar="FILE")
-    parser.add_argument("--stage2", type=Path, nargs="+", required=True, metavar="FILE")
+    parser.add_argument(
+        "--stage1", type=Path, nargs="+", required=True, metavar="FILE", help="of the weights"
+    )
+    parser.add_argument(
+        "--stage2", type=Path, nargs="+", required=True, metavar="FILE", help="of the weights"
+    )
     parser.add_argument(
         "--seconds", type=_lengths, default=LENGTHS_S, metavar="A,B", help="clips (2,6,12,20)"
     )

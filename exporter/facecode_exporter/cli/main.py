@@ -47,17 +47,17 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     export.add_argument(
         "--any-deviation", action="store_true", help="int8 even if it changes the motion much"
     )
-    export.add_argument("--out", type=Path, required=True, metavar="DIR")
+    export.add_argument("--out", type=Path, required=True, metavar="DIR", help="the bundle")
 
     init = commands.add_parser("init", help="random weights in the public checkpoint layout")
     init.set_defaults(run=run_init)
-    init.add_argument("--system", choices=sorted(SYSTEMS), required=True)
-    init.add_argument("--seed", type=int, default=0)
-    init.add_argument("--out", type=Path, required=True, metavar="DIR")
+    init.add_argument("--system", choices=sorted(SYSTEMS), required=True, help="its sizes")
+    init.add_argument("--seed", type=int, default=0, help="of the weights (default: 0)")
+    init.add_argument("--out", type=Path, required=True, metavar="DIR", help="for the files")
 
     verify = commands.add_parser("verify", help="compare a bundle with torch")
     verify.set_defaults(run=run_verify)
-    verify.add_argument("bundle", type=Path, metavar="DIR")
+    verify.add_argument("bundle", type=Path, metavar="DIR", help="the bundle")
     _add_checkpoints(verify, system_required=False)
     verify.add_argument("--audio", type=Path, help="a recording to compare on, whole")
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
@@ -176,7 +176,7 @@ def _add_checkpoints(parser: argparse.ArgumentParser, system_required: bool) -> 
             help="one for each part",
         )
     which = parser.add_mutually_exclusive_group(required=system_required)
-    which.add_argument("--system", choices=sorted(SYSTEMS))
+    which.add_argument("--system", choices=sorted(SYSTEMS), help="a published system")
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
     parser.add_argument(
         "--wav2vec2-config", type=Path, metavar="JSON", help="Hugging Face config.json (base)"

@@ -29,10 +29,10 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     """The sub-command `train`, with `run` set."""
     train = commands.add_parser("train", help="train a system on your data")
     train.set_defaults(run=run_train)
-    train.add_argument("stage", choices=("stage1", "stage2", "cdface"))
-    train.add_argument("--data", type=Path, required=True, metavar="DIR")
+    train.add_argument("stage", choices=("stage1", "stage2", "cdface"), help="what to train")
+    train.add_argument("--data", type=Path, required=True, metavar="DIR", help="the data set")
     which = train.add_mutually_exclusive_group(required=True)
-    which.add_argument("--system", choices=sorted(LAYOUT_OF))
+    which.add_argument("--system", choices=sorted(LAYOUT_OF), help="a published system")
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
     train.add_argument(
         "--wav2vec2-config", type=Path, metavar="JSON", help="Hugging Face config.json (base)"

@@ -1,8 +1,8 @@
 """The query network of one part of CDFace: speech and past motion to K samples of that part.
 
 The motion prior is frozen, gradients pass its quantiser straight through. The paper teaches on the
-true past; here, as in `own_history` of stage 2, half of the clips see no past and the other half
-are conditioned on the head's own prediction made without history.
+true past; here half of the clips see no past and the other half the head's own prediction made
+without history, as in `own_history` of stage 2.
 """
 
 from __future__ import annotations
@@ -56,8 +56,7 @@ class QueryStage:
             train: clips of the part to learn from.
             val: and to validate on.
             config: with `losses` and `part`.
-            speech: of a stage before, over the same clips and the same frozen encoder, so that
-                nothing is encoded twice.
+            speech: of a stage before, over the same clips and the same frozen encoder.
         """
         assert config.losses is not None
         assert config.part is not None
