@@ -59,7 +59,7 @@ def test_info(run_cli):
         assert fact in done.stdout
     plain = json.loads(run_cli("info", TINY, "--json").stdout)
     assert plain["styles"] == ["a", "b", "c"]
-    assert plain["look_ahead_ms"] is None
+    assert plain["modes"]["exact"]["look_ahead_ms"] is None
 
 
 def test_bench(run_cli, tmp_path):

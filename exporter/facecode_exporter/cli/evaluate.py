@@ -27,7 +27,9 @@ def add_parser(commands: Commands) -> None:
 def _add_predictions(kinds: Commands) -> argparse.ArgumentParser:
     predictions = kinds.add_parser("predictions", help="files of vertices against captured faces")
     predictions.set_defaults(run=runs.run_predictions)
-    predictions.add_argument("predictions", type=Path, metavar="PREDICTIONS")
+    predictions.add_argument(
+        "predictions", type=Path, metavar="PREDICTIONS", help="a folder of .npy or .npz"
+    )
     _add_data(predictions)
     predictions.add_argument("--bundle", type=Path, metavar="DIR", help="whose regions to use")
     return predictions

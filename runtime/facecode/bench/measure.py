@@ -131,7 +131,7 @@ def _run(engine: Engine, speech: Audio, request: Request) -> _Run:
 def _first_frame(engine: Engine, speech: Audio) -> float:
     start = time.perf_counter()
     frames = engine.frames([engine.encode(speech)], engine.request())
-    engine.decode(np.concatenate(next(frames).codes, axis=-1)[0])
+    engine.decode(np.concatenate(next(frames).codes, axis=-1))
     return time.perf_counter() - start
 
 
