@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import pickle
 import shutil
@@ -59,6 +60,34 @@ def pytest_report_header():
     names = ("numpy", "onnxruntime", "soundfile", "torch")
     versions = ", ".join(f"{name} {version(name)}" for name in names)
     return f"{versions}; {usable_cores()} cores; {', '.join(available_providers())}"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def exported_once(request, tmp_path_factory):
+    """Trace a view of the same weights once a session: torch takes a minute, a copy nothing."""
+    torch_tests = [Path(__file__).parent / name for name in ("exporter", "contract")]
+    if not any(
+        folder in item.path.parents for item in request.session.items for folder in torch_tests
+    ):
+        yield
+        return
+    from facecode_exporter.bundles import writer
+
+    kept, export_graph = {}, writer.export_graph
+    store = tmp_path_factory.mktemp("exported")
+
+    def export_or_copy(view, spec, path):
+        weights = {name: tensor.numpy().tobytes() for name, tensor in view.state_dict().items()}
+        plain = {k: v for k, v in vars(view).items() if isinstance(v, (int, float, str, tuple))}
+        key = hashlib.sha256(repr((spec, view, sorted(plain.items()), weights)).encode()).digest()
+        if key not in kept:
+            export_graph(view, spec, path)
+            kept[key] = shutil.copy(path, store / f"{len(kept)}.onnx")
+        shutil.copy(kept[key], path)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(writer, "export_graph", export_or_copy)
+        yield
 
 
 @dataclass(frozen=True)
