@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from facecode.arrays import Audio, Codes, Colours, Faces, Float32, Offsets, Template
-from facecode.errors import CodesError
+from facecode.errors import CodesError, NoRigError
+from facecode.weights import solve_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,32 @@ class Clip:
         names = list(self.parts)
         start = sum(self.parts[name] for name in names[: names.index(part)])
         return self.codes[:, start : start + self.parts[part]]
+
+    @cached_property
+    def weights(self) -> Float32:
+        """Weights (T, K) float32 in [0, 1] of the rig's units, nearest to the motion.
+
+        Solved once a clip; see `facecode.weights`.
+
+        Raises:
+            NoRigError: the face units are not known.
+        """
+        return solve_weights(self.offsets, self._known_rig.deltas)
+
+    @property
+    def weight_names(self) -> tuple[str, ...]:
+        """Names (K,) of the columns of `weights`.
+
+        Raises:
+            NoRigError: the face units are not known.
+        """
+        return self._known_rig.names
+
+    @property
+    def _known_rig(self) -> Rig:
+        if self.rig is None:
+            raise NoRigError.to_write("weights")
+        return self.rig
 
     @property
     def vertices(self) -> Offsets:

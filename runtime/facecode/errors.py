@@ -164,10 +164,10 @@ class NoRigError(OutputError, ValueError):
 
     @classmethod
     def to_write(cls, suffix: str) -> NoRigError:
-        """The error for a format that needs a rig."""
+        """The error for a format, or for weights, that need a rig."""
         return cls(
-            f"{suffix} needs face units, and this bundle has none: export it again with "
-            "--units FILE.npz, names (K,) and deltas (K, V, 3)"
+            f"{suffix} need face units (names and deltas (K, V, 3)), and this face has none: give "
+            "them as `rig`, dataclasses.replace(clip, rig=facecode.Rig(names, deltas))"
         )
 
 

@@ -35,7 +35,7 @@ def test_needs_are_errors_with_what_to_do_next(clip, tmp_path, monkeypatch):
 
     monkeypatch.setitem(writers.FORMATS, ".rig", Format(".rig", write, needs_rig=True))
     monkeypatch.setitem(writers.FORMATS, ".srf", Format(".srf", write, needs_faces=True))
-    with pytest.raises(NoRigError, match="--units FILE"):
+    with pytest.raises(NoRigError, match="need face units"):
         clip.save(tmp_path / "a.rig")
     rig = Rig(("jawOpen",), np.zeros((1, 42, 3), np.float32))
     dataclasses.replace(clip, rig=rig).save(tmp_path / "a.rig")

@@ -1,0 +1,98 @@
+"""Motion to weights of face units: least squares in the box from 0 to 1, frame by frame.
+
+Comes in: offsets and the deltas of a rig. Goes out: the weights (T, K) that are nearest to the
+motion. All frames are solved at once by block principal pivoting (Kim and Park, SIAM J. Sci.
+Comput. 2011, here with bounds on both sides); where whole blocks go in circles, Murty's rule of one
+variable at a time takes over, which ends. Knows nothing of names, bundles or files.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facecode.arrays import Float32, Offsets
+
+RIDGE = 1e-4
+"""Added to the diagonal, as a share of its mean: settles ties between units at no visible cost."""
+CHUNK = 64  # frames solved at once: (64, K, K) float64
+BLOCK_TRIES = 3  # steps without fewer violations until one variable moves at a time
+TOLERANCE = 1e-9  # of a bound or a gradient, relative to their scale
+
+Float64 = NDArray[np.float64]
+LOWER, FREE, UPPER = 0, 1, 2
+
+
+def solve_weights(offsets: Offsets, deltas: Float32, ridge: float = RIDGE) -> Float32:
+    """Weights (T, K) float32 in [0, 1] for which `weights @ deltas` is nearest to the offsets.
+
+    Args:
+        offsets: (T, V, 3), from the neutral face.
+        deltas: (K, V, 3), what each unit moves at weight 1, in the same unit.
+        ridge: share of the mean diagonal that is added to it.
+    """
+    flat = deltas.reshape(len(deltas), -1).astype(np.float64)
+    gram = flat @ flat.T
+    mean = float(np.trace(gram)) / len(gram)
+    gram[np.diag_indices_from(gram)] += ridge * mean + np.finfo(np.float64).tiny
+    if mean == 0:
+        return np.zeros((len(offsets), len(deltas)), np.float32)
+    weights = np.empty((len(offsets), len(deltas)), np.float32)
+    for start in range(0, len(offsets), CHUNK):
+        chunk = slice(start, start + CHUNK)
+        wanted = offsets[chunk].reshape(len(offsets[chunk]), -1).astype(np.float64) @ flat.T
+        weights[chunk] = solve_box(gram / mean, wanted / mean)
+    return weights
+
+
+def solve_box(gram: Float64, wanted: Float64) -> Float64:
+    """Minimise w H w / 2 - g w over 0 <= w <= 1 for every row g of `wanted` (T, K).
+
+    Args:
+        gram: H (K, K), symmetric and positive definite.
+        wanted: g of each frame, (T, K).
+    """
+    n_frames, n_units = wanted.shape
+    place = np.full(wanted.shape, LOWER)
+    fewest = np.full(n_frames, n_units + 1)
+    tries = np.full(n_frames, BLOCK_TRIES)
+    weights = np.zeros(wanted.shape)
+    active = np.arange(n_frames)
+    scale = TOLERANCE * max(1.0, float(np.abs(wanted).max(initial=0)))
+    while len(active):
+        weights[active] = _with_places(gram, wanted[active], place[active])
+        moves = _violations(gram, wanted[active], weights[active], place[active], scale)
+        count = (moves >= 0).sum(axis=1)
+        better = count < fewest[active]
+        tries[active] = np.where(better, BLOCK_TRIES, tries[active] - 1)
+        fewest[active] = np.minimum(count, fewest[active])
+        one_at_a_time = tries[active] < 0
+        last = n_units - 1 - np.argmax(moves[:, ::-1] >= 0, axis=1)
+        alone = np.zeros(moves.shape, bool)
+        alone[np.arange(len(active)), last] = True
+        moving = (moves >= 0) & (alone | ~one_at_a_time[:, None])
+        place[active] = np.where(moving, moves, place[active])
+        active = active[count > 0]
+    return np.clip(weights, 0, 1)
+
+
+def _with_places(gram: Float64, wanted: Float64, place: NDArray[np.int64]) -> Float64:
+    """The free weights of each frame, the others at their bounds."""
+    free, bound = place == FREE, np.where(place == UPPER, 1.0, 0.0)
+    both = free[:, :, None] & free[:, None, :]
+    matrix = np.where(both, gram, np.eye(len(gram)))
+    right = np.where(free, wanted - bound @ gram, bound)
+    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+
+
+def _violations(
+    gram: Float64, wanted: Float64, weights: Float64, place: NDArray[np.int64], scale: float
+) -> NDArray[np.int64]:
+    """Where each weight must move to, -1 for those that fit."""
+    gradient = weights @ gram - wanted
+    moves = np.full(place.shape, -1)
+    moves[(place == FREE) & (weights < -TOLERANCE)] = LOWER
+    moves[(place == FREE) & (weights > 1 + TOLERANCE)] = UPPER
+    moves[(place == LOWER) & (gradient < -scale)] = FREE
+    moves[(place == UPPER) & (gradient > scale)] = FREE
+    return moves

@@ -1,0 +1,93 @@
+"""Weights of face units: optimal in the box, on easy and on degenerate problems."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from conftest import SPEECH
+from scipy.optimize import lsq_linear
+
+from facecode.clip import Rig
+from facecode.errors import NoRigError
+from facecode.weights import RIDGE, solve_box, solve_weights
+
+
+def problem(seed, n_frames=40, n_units=12, rank=None):
+    """A Gram matrix with a small ridge, and right-hand sides with solutions at both bounds."""
+    rng = np.random.default_rng(seed)
+    units = rng.standard_normal((n_units, rank or 3 * n_units))
+    units = units[:, : rank or None]
+    gram = units @ units.T
+    gram += 1e-4 * np.trace(gram) / n_units * np.eye(n_units)
+    weights = rng.uniform(-0.7, 1.7, (n_frames, n_units))
+    return gram, weights @ gram
+
+
+def kkt(gram, wanted, weights):
+    """The greatest violation of the conditions of optimality, relative to the scale."""
+    gradient = weights @ gram - wanted
+    free = (weights > 0) & (weights < 1)
+    wrong = np.where(free, np.abs(gradient), 0)
+    wrong = np.maximum(wrong, np.where(weights == 0, -gradient, 0))
+    wrong = np.maximum(wrong, np.where(weights == 1, gradient, 0))
+    return wrong.max() / np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("rank", [None, 5])
+def test_optimal_in_the_box(seed, rank):
+    gram, wanted = problem(seed, rank=rank)
+    weights = solve_box(gram, wanted)
+    assert weights.min() >= 0
+    assert weights.max() <= 1
+    assert (weights == 0).any()
+    assert (weights == 1).any()
+    assert kkt(gram, wanted, weights) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_as_bvls_of_scipy(seed):
+    rng = np.random.default_rng(seed)
+    deltas = rng.standard_normal((9, 20, 3)).astype(np.float32)
+    offsets = np.tensordot(rng.uniform(-0.5, 1.5, (7, 9)), deltas, axes=1).astype(np.float32)
+    got = solve_weights(offsets, deltas)
+    flat = deltas.reshape(9, -1).astype(float)
+    damp = np.sqrt(RIDGE * np.square(flat).sum() / 9) * np.eye(9)
+    for frame, row in zip(offsets, got, strict=True):
+        right = np.concatenate([frame.ravel(), np.zeros(9)])
+        want = lsq_linear(np.vstack([flat.T, damp]), right, (0, 1), method="bvls", tol=1e-14).x
+        np.testing.assert_allclose(row, want, atol=1e-6)
+
+
+def test_odd_rigs():
+    rng = np.random.default_rng(0)
+    deltas = rng.standard_normal((4, 6, 3)).astype(np.float32)
+    deltas[1] = 0  # moves nothing
+    deltas[3] = deltas[2]  # twice the same
+    offsets = np.tensordot([[0.5, 0.0, 0.8, 0.0]], deltas, axes=1).astype(np.float32)
+    weights = solve_weights(offsets, deltas)
+    assert weights[0, 1] == 0
+    np.testing.assert_allclose(weights[0, [0, 2, 3]], [0.5, 0.4, 0.4], atol=1e-3)
+    assert not solve_weights(offsets, np.zeros_like(deltas)).any()
+    assert solve_weights(offsets[:0], deltas).shape == (0, 4)
+    for unit in (1e-3, 1.0, 1e3):  # metres or millimetres: the same weights
+        same = solve_weights(unit * offsets, np.float32(unit) * deltas)
+        np.testing.assert_allclose(same, weights, atol=1e-5)
+
+
+def test_frames_do_not_depend_on_each_other():
+    gram, wanted = problem(3)
+    together = solve_box(gram, wanted)
+    for row, alone in zip(wanted, together, strict=True):
+        np.testing.assert_allclose(solve_box(gram, row[None])[0], alone, atol=1e-9)
+
+
+def test_a_clip_with_a_rig_has_weights(tiny):
+    clip = tiny.animate(SPEECH)
+    with pytest.raises(NoRigError, match="need face units"):
+        _ = clip.weights
+    deltas = np.random.default_rng(0).standard_normal((3, 42, 3)).astype(np.float32) / 100
+    rigged = dataclasses.replace(clip, rig=Rig(("jawOpen", "a", "b"), deltas))
+    assert rigged.weights.shape == (212, 3)
+    assert rigged.weights is rigged.weights  # solved once
+    assert rigged.weight_names == ("jawOpen", "a", "b")
