@@ -33,7 +33,8 @@ def write_container(
     tree: Tree,
     pieces: Iterable[bytes],
     n_bytes: int,
-    further: Iterable[tuple[int, bytes]] = (),
+    after: Iterable[bytes] = (),
+    n_after: int = 0,
 ) -> None:
     """Write a .glb.
 
@@ -42,7 +43,8 @@ def write_container(
         tree: the JSON.
         pieces: the binary chunk, one after the other.
         n_bytes: of all pieces.
-        further: (type, bytes) of chunks after it.
+        after: whole chunks of other kinds, to follow as they are.
+        n_after: their bytes.
 
     Raises:
         OutputWriteError: over 4 GiB.
@@ -52,8 +54,7 @@ def write_container(
     chunks = [(JSON_CHUNK, len(text), iter([text]))]
     if n_bytes:
         chunks.append((BINARY_CHUNK, n_bytes + padding(n_bytes), _padded(pieces, n_bytes)))
-    chunks += [(kind, len(content), iter([content])) for kind, content in further]
-    total = HEADER.size + sum(CHUNK.size + length for _, length, _ in chunks)
+    total = HEADER.size + sum(CHUNK.size + length for _, length, _ in chunks) + n_after
     if total > LARGEST:
         raise OutputWriteError(f".glb holds 4 GiB, and this would take {total / 2**30:.1f}")
     file.write(HEADER.pack(MAGIC, VERSION, total))
@@ -61,6 +62,8 @@ def write_container(
         file.write(CHUNK.pack(length, kind))
         for piece in content:
             file.write(piece)
+    for piece in after:
+        file.write(piece)
 
 
 def to_json(tree: Tree) -> bytes:
