@@ -72,10 +72,18 @@ def _axes(motions: Sequence[Float32], centre: Float32, lost: float) -> Float32:
 
 
 def _count(motions: Sequence[Float32], centre: Float32, axes: Float32, tolerance: float) -> int:
-    """The fewest axes that suffice for each chunk."""
+    """The fewest axes that suffice for each chunk.
+
+    While the vertices of a frame are too far off in the mean, one of them is: that needs no frame.
+    """
     n_axes = 1
     for chunk in _chunks(motions, centre):
         along = chunk @ axes.T
+        explained = np.cumsum(np.square(along, dtype=np.float64), axis=1)
+        energy = np.einsum("tv,tv->t", chunk, chunk, dtype=np.float64)
+        left = (energy[:, None] - explained).max(axis=0) / (len(centre) // 3)
+        too_far = np.count_nonzero(left[: len(axes) - 1] > tolerance**2)
+        n_axes = max(n_axes, too_far + 1)
         rest = chunk - along[:, :n_axes] @ axes[:n_axes]
         while n_axes < len(axes) and _greatest(rest) > tolerance:
             rest -= np.outer(along[:, n_axes], axes[n_axes])

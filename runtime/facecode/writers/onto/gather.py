@@ -171,9 +171,10 @@ def _beside(folder: Path, uri: str, what: str) -> Path:
         inside = inside and path.resolve().is_relative_to(folder.resolve())
         there = path.is_file()
     except (OSError, RuntimeError) as error:  # a name too long, or links in a circle
-        raise OntoError(f"{what} cannot be read: {error}") from error
+        reason = getattr(error, "strerror", None) or "links go in a circle"
+        raise OntoError(f"{what} cannot be read: {reason}") from error
     if not inside:
         raise OntoError(f"{what} lies outside the folder of the avatar; put it there")
     if not there:
-        raise OntoError(f"{what} is missing: no file {path}")
+        raise OntoError(f"{what} is missing; it belongs into {folder}")
     return path

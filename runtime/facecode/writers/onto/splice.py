@@ -73,7 +73,7 @@ def onto(motion: Weighted, source: Path, file: BinaryIO) -> OntoReport:
     gathered = gather(read)
     document = Document(read.tree, gathered.n_bytes)
     title = _free_name(rows(read.tree, "animations"))
-    before = _moved_already(read.tree, {node for mesh in matched for node in mesh.nodes})
+    before = _moved_already(read.tree, [node for mesh in matched for node in mesh.nodes])
     channels = _channels(read.tree, matched, names, np.asarray(motion.weights, np.float32))
     add_animation(document, title, motion.fps, channels)
     read.tree["buffers"][0]["byteLength"] = document.n_bytes
@@ -116,7 +116,7 @@ def _free_name(animations: list[Tree]) -> str:
     return next(name for name in (ANIMATION, *further) if name not in taken)
 
 
-def _moved_already(tree: Tree, nodes: set[int]) -> list[str]:
+def _moved_already(tree: Tree, nodes: list[int]) -> list[str]:
     """The animations that move weights of the nodes."""
     found = []
     for index, animation in enumerate(rows(tree, "animations")):
