@@ -5,6 +5,7 @@ import functools
 import importlib.util
 import json
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -35,6 +36,12 @@ def bpy_python():
     if not found:
         pytest.skip("no Blender: FACECODE_BPY_PYTHON names a Python with bpy installed")
     return found
+
+
+def chromium():
+    """A browser."""
+    found = shutil.which("chromium")
+    return found or pytest.skip("no Chromium: apt-get install chromium")
 
 
 def facecap():
@@ -82,6 +89,12 @@ def in_blender(path, fps, n_frames):
     printed = run(bpy_python(), HERE / "blender_vertices.py", path, out, fps, n_frames)
     facts = next(line for line in printed.splitlines() if line.startswith("FACTS "))
     return json.loads(facts.removeprefix("FACTS ")), np.load(out)
+
+
+def in_chromium(path, out, *seconds):
+    """Facts, and a picture in `out`, as three.js draws the last animation at these times."""
+    script = HERE / "three_picture.mjs"
+    return json.loads(run("node", script, node_modules(), chromium(), path, out, *seconds))
 
 
 def far(found, wanted):

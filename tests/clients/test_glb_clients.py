@@ -2,12 +2,22 @@
 
 import dataclasses
 import io
+import json
 import time
 
 import numpy as np
 import pytest
 from avatars import ARKIT, Motion, avatar, container
-from gltf_clients import facecap, far, in_blender, in_three, longer, sentence, validated
+from gltf_clients import (
+    facecap,
+    far,
+    in_blender,
+    in_chromium,
+    in_three,
+    longer,
+    sentence,
+    validated,
+)
 from gltf_reading import Glb
 from small_faces import changed, rigged
 
@@ -146,13 +156,11 @@ def test_an_avatar_is_as_valid_as_before(tmp_path, name):
     glb = Glb(path.read_bytes())
     nodes = range(len(glb.tree["nodes"]))
     wanted = np.concatenate([glb.positions(node) for node in nodes], axis=1)
-    _, shown = in_three(path, [frame / 30 for frame in range(9)])
-    assert far(shown, wanted)[1] < 1e-2
+    for _, shown in (in_three(path, [frame / 30 for frame in range(9)]), in_blender(path, 30, 9)):
+        assert far(shown, wanted)[1] < 1e-2
 
 
 def test_a_gltf_with_files_beside_it_is_valid(tmp_path):
-    import json
-
     tree, binary = avatar([("Face", ARKIT)])
     (tmp_path / "face.bin").write_bytes(binary)
     buffers = [{"byteLength": len(binary), "uri": "face.bin"}]
@@ -175,3 +183,14 @@ def test_a_foreign_head_under_meshopt_compression(tmp_path):
     binary = old[20 + n_json + 8 :]
     start = 20 + int.from_bytes(new[12:16], "little") + 8
     assert new[start : start + len(binary)] == binary
+
+
+def test_a_foreign_head_in_a_browser(tmp_path):
+    path = tmp_path / "talk.glb"
+    put(facecap(), Motion(60), path)
+    pictures = [tmp_path / f"{time}.png" for time in (0.0, 1.0)]
+    for picture in pictures:
+        facts = in_chromium(path, picture, picture.stem)
+        assert facts["errors"] == []
+        assert facts["animations"][-1] == "facecode"
+    assert pictures[0].read_bytes() != pictures[1].read_bytes()
