@@ -28,7 +28,7 @@ FORMS = {"vocaset": (2, "sentence{:02d}"), "biwi": (1, "e{:02d}")}
 def make_folder(root, form, n_vertices):
     """A data set of a few short clips, at the rate and under the names of the real one."""
     rng = np.random.default_rng(0)
-    from facecode_exporter.evaluation.data_set import LAYOUTS
+    from facecode_exporter.data.data_set import LAYOUTS
 
     layout, (keep_every, sentence) = LAYOUTS[form], FORMS[form]
     for folder in ("vertices_npy", "wav"):
@@ -48,6 +48,17 @@ def make_folder(root, form, n_vertices):
             n_samples = int((n_frames + 2) * rate / fps)
             soundfile.write(root / "wav" / f"{name}.wav", samples[:n_samples], rate)
     return root
+
+
+def pytest_report_header():
+    """Versions and providers that a failure may depend on."""
+    from importlib.metadata import version
+
+    from facecode.session import available_providers, usable_cores
+
+    names = ("numpy", "onnxruntime", "soundfile", "torch")
+    versions = ", ".join(f"{name} {version(name)}" for name in names)
+    return f"{versions}; {usable_cores()} cores; {', '.join(available_providers())}"
 
 
 @dataclass(frozen=True)
@@ -122,7 +133,7 @@ def golden(request, tmp_path_factory):
 @pytest.fixture(scope="session")
 def golden_bundle(golden, tmp_path_factory):
     """The golden exported through the command line."""
-    from facecode_exporter.cli import main
+    from facecode_exporter.cli.main import main
 
     out = tmp_path_factory.mktemp("bundles") / golden.folder.name
     assert main(golden.export_args(out)) == 0

@@ -7,39 +7,28 @@ read with `weights_only=True` and become float32. Knows nothing of graphs.
 
 from __future__ import annotations
 
-import hashlib
-import pickle
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from zipfile import BadZipFile
 
 import torch
 from torch import Tensor, nn
 
-from facecode_exporter.errors import (
-    CheckpointError,
-    CheckpointNotFoundError,
-    SwappedCheckpointsError,
-)
+from facecode_exporter.errors import CheckpointError, SwappedCheckpointsError
 from facecode_exporter.nets.cdface import Trained, network_of
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.nets.sinusoid import sinusoid
 from facecode_exporter.nets.vq_autoencoder import TemporalTrunk, VQAutoencoder
+from facecode_exporter.state_files import State, fill, listed, read_state
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
 
-State = dict[str, Tensor]
-
 NOT_STAGE2 = ("autoencoder.", "audio_encoder.")
-OPTIONAL = {"audio_encoder.masked_spec_embed"}
 AUDIO = "audio_encoder."
 CONV = f"{AUDIO}encoder.pos_conv_embed.conv"
 WEIGHT_NORM_NAMES = (
     (f"{CONV}.weight_g", f"{CONV}.weight_v"),
     (f"{CONV}.parametrizations.weight.original0", f"{CONV}.parametrizations.weight.original1"),
 )
-MAX_PROBLEMS_SHOWN = 12
 
 
 def load_system(system: SystemSpec, stage1: Sequence[Path], stage2: Sequence[Path]) -> Trained:
@@ -64,14 +53,14 @@ def load_system(system: SystemSpec, stage1: Sequence[Path], stage2: Sequence[Pat
         first, second = read_state(first_file), read_state(second_file)
         _refuse_swapped(first, second, first_file, second_file)
         _fold_weight_norm(second)
-        heard = {k: second.pop(k) for k in list(second) if k.startswith(AUDIO)}
-        _require_same(encoder, heard, second_file)
-        encoder = encoder or heard
+        own_encoder = {k: second.pop(k) for k in list(second) if k.startswith(AUDIO)}
+        _require_same(encoder, own_encoder, second_file)
+        encoder = encoder or own_encoder
         problems += _fill_part(part, first, second, first_file, second_file)
-    problems += _fill(net.audio_encoder, encoder, f"stage 2, {stage2[0]}", prefix=AUDIO)
+    problems += fill(net.audio_encoder, encoder, f"stage 2, {stage2[0]}", prefix=AUDIO)
     if problems:
         raise CheckpointError(
-            f"the checkpoints do not fit {system.name}, {_listed(problems)}"
+            f"the checkpoints do not fit {system.name}, {listed(problems)}"
             + _other_system_hint(system, first)
         )
     return net.eval()
@@ -85,7 +74,7 @@ def load_part(net: PartNet, stage1: Path, stage2: Path) -> None:
     """
     second = {k: v for k, v in read_state(stage2).items() if not k.startswith(AUDIO)}
     if problems := _fill_part(net, read_state(stage1), second, stage1, stage2):
-        raise CheckpointError(_listed(problems))
+        raise CheckpointError(listed(problems))
 
 
 def load_encoder(encoder: nn.Module, stage2: Path) -> None:
@@ -97,31 +86,8 @@ def load_encoder(encoder: nn.Module, stage2: Path) -> None:
     state = read_state(stage2)
     _fold_weight_norm(state)
     heard = {k: v for k, v in state.items() if k.startswith(AUDIO)}
-    if problems := _fill(encoder, heard, f"stage 2, {stage2}", prefix=AUDIO):
-        raise CheckpointError(_listed(problems))
-
-
-def read_state(path: Path) -> State:
-    """The state dict of a checkpoint file, names without `module.`, values float32.
-
-    Raises:
-        CheckpointNotFoundError: no such file.
-        CheckpointError: not a file of tensors.
-    """
-    if not path.is_file():
-        raise CheckpointNotFoundError(f"no checkpoint file at {path}")
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError, BadZipFile, ValueError, KeyError) as e:
-        reason = str(e).strip().splitlines()[0] if str(e).strip() else type(e).__name__
-        raise CheckpointError(f"{path} is not a PyTorch checkpoint of tensors: {reason}") from e
-    state = content.get("state_dict", content) if isinstance(content, Mapping) else None
-    if not isinstance(state, Mapping) or not state:
-        raise CheckpointError(f"{path} holds no 'state_dict' with tensors")
-    odd = [k for k, v in state.items() if not isinstance(v, Tensor) or not v.is_floating_point()]
-    if odd:
-        raise CheckpointError(f"{path}: expected floating-point tensors; {odd[0]!r} is none")
-    return {re.sub(r"^(module\.)+", "", str(k)): v.float() for k, v in state.items()}
+    if problems := fill(encoder, heard, f"stage 2, {stage2}", prefix=AUDIO):
+        raise CheckpointError(listed(problems))
 
 
 def save_system(net: Trained, stage1: Sequence[Path], stage2: Sequence[Path]) -> None:
@@ -162,17 +128,8 @@ def load_stage1(autoencoder: VQAutoencoder, stage1: Path) -> None:
     state = read_state(stage1)
     for side, trunk in (("encoder", autoencoder.encoder), ("decoder", autoencoder.decoder)):
         _take_constant(trunk, state.pop(f"{side}.{side}_pos_embedding.pe", None))
-    if problems := _fill(autoencoder, state, f"stage 1, {stage1}"):
-        raise CheckpointError(_listed(problems))
-
-
-def file_sha256(path: Path) -> str:
-    """SHA-256 of a file, hexadecimal."""
-    with path.open("rb") as file:
-        digest = hashlib.sha256()
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
+    if problems := fill(autoencoder, state, f"stage 1, {stage1}"):
+        raise CheckpointError(listed(problems))
 
 
 def _refuse_swapped(first: State, second: State, stage1: Path, stage2: Path) -> None:
@@ -218,8 +175,8 @@ def _fill_part(net: PartNet, first: State, second: State, stage1: Path, stage2: 
     _take_position_codes(net, first, second)
     second = {k: v for k, v in second.items() if not k.startswith("autoencoder.")}
     return [
-        *_fill(net.autoencoder, first, f"stage 1, {stage1}"),
-        *_fill(net, second, f"stage 2, {stage2}", skip=NOT_STAGE2),
+        *fill(net.autoencoder, first, f"stage 1, {stage1}"),
+        *fill(net, second, f"stage 2, {stage2}", skip=NOT_STAGE2),
     ]
 
 
@@ -247,40 +204,6 @@ def _take_constant(trunk: TemporalTrunk, table: Tensor | None) -> None:
     """Row 0 of a position table, which is what every frame gets."""
     if table is not None and table.numel() and table.shape[-1] == trunk.constant.shape[0]:
         trunk.constant.copy_(table.reshape(-1, table.shape[-1])[0])
-
-
-def _listed(problems: list[str]) -> str:
-    shown = problems[:MAX_PROBLEMS_SHOWN]
-    more = len(problems) - len(shown)
-    return "\n  ".join([f"{len(problems)} problems:", *shown, *([f"and {more} more"] * (more > 0))])
-
-
-def _fill(
-    module: nn.Module,
-    state: State,
-    origin: str,
-    skip: tuple[str, ...] = (),
-    prefix: str = "",
-) -> list[str]:
-    """Copy `state`, names with `prefix`, into `module`; what does not fit comes back in lines."""
-    wanted = {
-        f"{prefix}{k}": v for k, v in module.state_dict().items() if not k.startswith(skip or "\0")
-    }
-    missing = sorted(set(wanted) - set(state) - OPTIONAL)
-    problems = [f"{origin}: {k} {tuple(wanted[k].shape)} is missing" for k in missing]
-    problems += [f"{origin}: {k} is not known" for k in sorted(set(state) - set(wanted))]
-    with torch.no_grad():
-        for key in sorted(set(wanted) & set(state)):
-            got, expected = state[key], wanted[key]
-            if got.shape != expected.shape:
-                problems.append(
-                    f"{origin}: {key} is {tuple(got.shape)}, expected {tuple(expected.shape)}"
-                )
-            elif not torch.isfinite(got).all():
-                problems.append(f"{origin}: {key} holds NaN or infinite values")
-            else:
-                expected.copy_(got)
-    return problems
 
 
 def _other_system_hint(system: SystemSpec, first: State) -> str:

@@ -13,11 +13,11 @@ from transformers import Wav2Vec2Config
 
 from facecode_exporter.errors import ConfigError
 from facecode_exporter.nets.speech import samples_for
+from facecode_spec.plain import SpecError
 from facecode_spec.schema import (
     CodebookSpec,
     CrossModalDecoderSpec,
     PartSpec,
-    SpecError,
     SystemSpec,
 )
 from facecode_spec.systems import codetalker_biwi, codetalker_vocaset
@@ -103,6 +103,7 @@ def _part(fields: Mapping[str, Any], form: PartSpec, config: Path) -> PartSpec:
     def whole(key: str) -> int:
         return _whole(fields, key, config)
 
+    _, decoder = form.prior
     return dataclasses.replace(
         form,
         codebook=CodebookSpec(whole("n_embed"), whole("face_quan_num"), whole("zquant_dim")),
@@ -114,7 +115,7 @@ def _part(fields: Mapping[str, Any], form: PartSpec, config: Path) -> PartSpec:
             period=whole("period"),
         ),
         motion_decoder=dataclasses.replace(
-            form.motion_decoder,
+            decoder,
             dim=whole("hidden_size"),
             n_layers=whole("num_hidden_layers"),
             n_heads=whole("num_attention_heads"),

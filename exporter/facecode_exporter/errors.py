@@ -10,7 +10,7 @@ FacecodeError
     RegionError                          vertex indices that are missing or do not fit the mesh
   OutputExistsError (FileExistsError)    a folder that is not ours to replace
   RunError (ValueError)                  a training run that cannot start or go on
-  ParityError (ArithmeticError)          the bundle does not compute what the network computes
+  ParityError (RuntimeError)             the bundle does not compute what the network computes
   DeviationError (ArithmeticError)       int8 weights change the motion more than is stated
   IntegerKernelError (RuntimeError)      int8 weights that onnxruntime would not use as integers
   CorpusError (ValueError)               a demo corpus, or a part of it, that cannot be used
@@ -53,7 +53,7 @@ class OutputExistsError(FacecodeError, FileExistsError):
     """The output folder holds something that is not a bundle or checkpoint of facecode."""
 
 
-class ParityError(FacecodeError, ArithmeticError):
+class ParityError(FacecodeError, RuntimeError):
     """Runtime and torch disagree beyond the stated tolerance."""
 
     exit_code = 1

@@ -5,7 +5,6 @@ The lip part owns the vertices of the file, the other part the rest, in ascendin
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from facecode.arrays import Indices
 from facecode_exporter.errors import RegionError
-from facecode_exporter.evaluation.regions import read_region_file
+from facecode_exporter.measures.regions import read_region_file
 from facecode_spec.schema import SystemSpec
 
 LIPS = "lips"
@@ -25,7 +24,7 @@ def part_vertices(system: SystemSpec, lips: Path | None) -> dict[str, Indices]:
     Raises:
         RegionError: a system of parts without a file, or a file that does not fit the mesh.
     """
-    if len(system.parts) == 1:
+    if system.family != "cdface":
         return {}
     if lips is None:
         raise RegionError(
@@ -64,26 +63,3 @@ def variant(system: SystemSpec, samples: int | None, upper_first: bool) -> Syste
         lips, upper = (dataclasses.replace(part, conditions_on=()) for part in parts)
         parts = (upper, dataclasses.replace(lips, conditions_on=(upper.name,)))
     return dataclasses.replace(system, parts=parts)
-
-
-def add_variant_options(parser: argparse.ArgumentParser) -> None:
-    """The options of systems of several parts."""
-    parser.add_argument(
-        "--lips", type=Path, metavar="FILE", help="systems of parts: vertex indices of the lip part"
-    )
-    parser.add_argument("--samples", type=int, metavar="K", help="of each part (default: 5)")
-    parser.add_argument(
-        "--upper-first", action="store_true", help="the upper face first, then the lips"
-    )
-
-
-def divided(system: SystemSpec, args: argparse.Namespace) -> tuple[SystemSpec, dict[str, Indices]]:
-    """The system that the options ask for, and the vertices of its parts.
-
-    Raises:
-        RegionError: see `part_vertices`.
-    """
-    if len(system.parts) == 1:
-        return system, {}
-    vertices = part_vertices(system, args.lips)
-    return variant(with_vertices(system, vertices), args.samples, args.upper_first), vertices

@@ -43,7 +43,7 @@ def write_random_checkpoints(system: SystemSpec, out: Path, seed: int) -> list[P
     with replacing(out, stages[0][0]) as folder:
         first, second = ([folder / name for name in stage] for stage in stages)
         save_system(random_network(system, seed), first, second)
-        if len(system.parts) > 1:
+        if system.family == "cdface":
             n_lips = system.vertices_of(system.part("lips"))
             (folder / LIPS_FILE).write_text(",".join(map(str, range(n_lips))) + "\n")
     return [out / name for stage in stages for name in stage]

@@ -47,7 +47,7 @@ def test_held_lips_vary_the_upper_face_alone(face, expected, style):
     lips = expected["codes"][4][:, :3].astype(np.int64)
     takes = face.animate(expected["audio"], style, samples={"upper_face": 2}, hold={"lips": lips})
     check(takes, expected, [4, 5])
-    vertices = face.parts[0].vertices
+    vertices = face.engine.parts[0].vertices
     np.testing.assert_array_equal(takes[0].offsets[:, vertices], takes[1].offsets[:, vertices])
 
 

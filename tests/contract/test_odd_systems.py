@@ -8,12 +8,14 @@ import torch
 
 from facecode.animator import Animator
 from facecode.bundle import Bundle
-from facecode_exporter import bundle_writer, parity
-from facecode_exporter.motion_view import MotionDecoderView
+from facecode_exporter.bundles import parity
+from facecode_exporter.bundles.motion_view import MotionDecoderView
+from facecode_exporter.bundles.neutral import read_neutral
+from facecode_exporter.bundles.speech_view import SpeechEncoderView
+from facecode_exporter.bundles.views import DecoderStepView
+from facecode_exporter.bundles.writer import write_bundle
 from facecode_exporter.nets.speech import FAMILIES, n_frames, samples_for
 from facecode_exporter.random_weights import random_network
-from facecode_exporter.speech_view import SpeechEncoderView
-from facecode_exporter.views import DecoderStepView
 from facecode_spec.schema import CodebookSpec
 from facecode_spec.systems import SYSTEMS
 
@@ -57,8 +59,8 @@ def exported(request, tmp_path_factory):
         if name.endswith("expander.0.2.weight") or name.endswith("expander.0.2.bias"):
             parameter.data += torch.randn(parameter.shape, generator=generator) / 4
     out = tmp_path_factory.mktemp("odd") / "bundle"
-    neutral = bundle_writer.read_neutral(None, net.system.n_vertices)
-    manifest = bundle_writer.write_bundle(net, out, neutral, sources={})
+    neutral = read_neutral(None, net.system.n_vertices)
+    manifest = write_bundle(net, out, neutral, sources={})
     return net, Animator(Bundle.open(out)), manifest
 
 
@@ -73,7 +75,7 @@ def test_clip_lengths(exported, speech, frames):
     n_samples = samples_for(system.speech_encoder, system.fps, frames)
     weights = np.array([0.5, 0.75, -0.25], np.float32)
     case = parity.compare_clip(
-        net, animator, parity.Case(long_speech(speech, n_samples + 17), weights)
+        net, animator.engine, parity.Case(long_speech(speech, n_samples + 17), weights)
     )
     parity.require_parity([case])
     assert case.n_frames == frames
@@ -83,7 +85,9 @@ def test_features_where_float_rounding_loses_a_frame(exported, speech):
     """205 features at 30 fps: int(205 / 50 * 30) is 122, exact arithmetic says 123."""
     net, animator, _ = exported
     audio = long_speech(speech, 65_680)
-    case = parity.compare_clip(net, animator, parity.Case(audio, np.eye(3, dtype=np.float32)[0]))
+    case = parity.compare_clip(
+        net, animator.engine, parity.Case(audio, np.eye(3, dtype=np.float32)[0])
+    )
     parity.require_parity([case])
     assert case.n_frames == (122 if net.system.fps == 30 else 102)
 
@@ -91,7 +95,9 @@ def test_features_where_float_rounding_loses_a_frame(exported, speech):
 def test_longer_than_600_frames(exported, speech):
     net, animator, _ = exported
     audio = long_speech(speech, 27 * 16000)
-    case = parity.compare_clip(net, animator, parity.Case(audio, np.eye(3, dtype=np.float32)[1]))
+    case = parity.compare_clip(
+        net, animator.engine, parity.Case(audio, np.eye(3, dtype=np.float32)[1])
+    )
     parity.require_parity([case])
     assert case.n_frames == (809 if net.system.fps == 30 else 674)
 
@@ -169,7 +175,7 @@ def test_batches_are_their_clips(exported):
     _, animator, _ = exported
     rng = np.random.default_rng(0)
     vectors = rng.standard_normal((3, 8, 3, 7)).astype(np.float32)
-    motion, last = animator.parts[0].motion, np.array([7])
+    motion, last = animator.engine.parts[0].motion, np.array([7])
     (together,) = motion.run(("feedback",), vectors, last)
     apart = np.concatenate([motion.run(("feedback",), v[None], last)[0] for v in vectors])
     np.testing.assert_allclose(together, apart, atol=1e-5)
@@ -192,10 +198,12 @@ def step_inputs(exported):
     def run(step, past):
         rows = {t.name: past[i] for i, t in enumerate(e for e in entry.inputs if "past_" in e.name)}
         names = [t.name for t in entry.outputs]
-        return animator.parts[0].decoder_step.run(names, step=np.array(step), **fixed, **rows)
+        return animator.engine.parts[0].decoder_step.run(
+            names, step=np.array(step), **fixed, **rows
+        )
 
-    n_layers = animator.parts[0].n_layers
-    n_heads, dim = animator.parts[0].past_heads, animator.parts[0].dim
+    n_layers = animator.engine.parts[0].n_layers
+    n_heads, dim = animator.engine.parts[0].n_heads, animator.engine.parts[0].dim
     past = rng.standard_normal((2 * n_layers, 3, n_heads, 22, dim // n_heads), dtype=np.float32)
     return run, past
 

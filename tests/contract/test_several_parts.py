@@ -8,9 +8,10 @@ import torch
 
 from facecode.animator import Animator
 from facecode.bundle import Bundle
-from facecode.request import Request
-from facecode_exporter import bundle_writer, parity
-from facecode_exporter.cli import main
+from facecode_exporter.bundles import parity
+from facecode_exporter.bundles.neutral import read_neutral
+from facecode_exporter.bundles.writer import write_bundle
+from facecode_exporter.cli.main import main
 from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.random_weights import random_network
 from facecode_spec.systems import SYSTEMS
@@ -45,11 +46,9 @@ def exported(request, tmp_path_factory):
     order = np.random.default_rng(0).permutation(net.system.n_vertices)
     sizes = np.cumsum([net.system.vertices_of(p) for p in net.system.parts])
     parts = dict(zip([p.name for p in net.system.parts], np.split(order, sizes[:-1]), strict=True))
-    neutral = bundle_writer.read_neutral(None, net.system.n_vertices)
+    neutral = read_neutral(None, net.system.n_vertices)
     out = tmp_path_factory.mktemp("parts") / "bundle"
-    manifest = bundle_writer.write_bundle(
-        net, out, dataclasses.replace(neutral, parts=parts), sources={}
-    )
+    manifest = write_bundle(net, out, dataclasses.replace(neutral, parts=parts), sources={})
     return net, Animator(Bundle.open(out)), manifest
 
 
@@ -74,7 +73,7 @@ def test_samples_of_parts(exported, speech, frames, counts):
     asked = {p.name: min(n, p.n_samples) for p, n in zip(net.system.parts, counts, strict=True)}
     weights = np.array([0.5, 0.75, -0.25], np.float32)
     case = parity.Case(audio_of(speech, net, frames), weights, asked)
-    result = parity.compare_clip(net, animator, case)
+    result = parity.compare_clip(net, animator.engine, case)
     parity.require_parity([result])
     assert result.n_frames == frames
 
@@ -89,17 +88,18 @@ def test_a_held_part(exported, speech, held):
     weights = np.eye(3, dtype=np.float32)[2]
     asked = {other.name: other.n_samples}
     case = parity.Case(audio_of(speech, net, 12), weights, asked, {part.name: codes})
-    parity.require_parity([parity.compare_clip(net, animator, case)])
+    parity.require_parity([parity.compare_clip(net, animator.engine, case)])
 
 
 def test_several_clips_with_samples_are_what_they_are_alone(exported, speech):
     net, animator, _ = exported
     asked = {p.name: p.n_samples for p in net.system.parts}
-    memories = [animator.encode(audio_of(speech, net, n)) for n in (13, 7, 2)]
+    engine = animator.engine
+    memories = [engine.encode(audio_of(speech, net, n)) for n in (13, 7, 2)]
     weights = np.eye(3, dtype=np.float32)
-    together = animator.move(memories, weights, Request(samples=asked))
+    together = engine.move(memories, engine.request(weights, samples=asked))
     for (codes, offsets), memory, row in zip(together, memories, weights, strict=True):
-        ((alone, moved),) = animator.move([memory], row[None], Request(samples=asked))
+        ((alone, moved),) = engine.move([memory], engine.request(row, samples=asked))
         np.testing.assert_array_equal(codes, alone)
         np.testing.assert_allclose(offsets, moved, atol=1e-5)
 
@@ -144,16 +144,17 @@ def test_the_second_part_sees_the_past_of_the_first(exported):
 def test_window_of_the_whole_clip_is_exact(exported, speech, frames):
     """Samples, conditions and a held part, in `window` mode."""
     net, animator, _ = exported
-    memory = animator.encode(audio_of(speech, net, frames))
-    weights = np.array([[0.5, 0.75, -0.25]], np.float32)
+    engine = animator.engine
+    memory = engine.encode(audio_of(speech, net, frames))
+    weights = np.array([0.5, 0.75, -0.25], np.float32)
     first = net.system.parts[0]
     counts = {p.name: min(2, p.n_samples) for p in net.system.parts}
     codes = np.zeros((memory.n_frames, first.codebook.codes_per_frame), np.int64)
     rest = {name: n for name, n in counts.items() if name != first.name}
     for samples, hold in ((counts, {}), (rest, {first.name: codes})):
         exact, window = (
-            animator.move([memory], weights, Request(w, samples, hold))[0]
-            for w in (None, max(3, memory.n_frames))
+            engine.move([memory], engine.request(weights, w, samples, hold))[0]
+            for w in (None, animator.window("window", max(3, memory.n_frames)))
         )
         np.testing.assert_array_equal(window[0], exact[0])
         np.testing.assert_allclose(window[1], exact[1], atol=1e-5)

@@ -16,7 +16,8 @@ import numpy as np
 import torch
 
 from facecode.audio import SPEECH, load_audio, normalise
-from facecode_exporter.bundle_writer import read_neutral, write_bundle
+from facecode_exporter.bundles.neutral import read_neutral
+from facecode_exporter.bundles.writer import write_bundle
 from facecode_exporter.nets.cdface import predict_parts
 from facecode_exporter.nets.speech import samples_for
 from facecode_exporter.random_weights import random_network
@@ -41,7 +42,7 @@ def main() -> None:
     faces = np.array(list(product(*(range(part.n_samples) for part in SPEC.parts))))
     with torch.no_grad():
         speech = net.audio_encoder(torch.from_numpy(normalise(audio))[None])
-    said = predict_parts(
+    truth = predict_parts(
         net.part_nets,
         speech.expand(len(faces), -1, -1),
         torch.tensor(WEIGHTS).expand(len(faces), -1),
@@ -49,8 +50,8 @@ def main() -> None:
     )
     offsets = np.empty((len(faces), N_FRAMES, SPEC.n_vertices, 3), np.float32)
     for name, own in parts.items():
-        offsets[:, :, own] = said[name].offsets.numpy()
-    codes = np.concatenate([p.codes.numpy() for p in said.values()], axis=-1).astype(np.uint8)
+        offsets[:, :, own] = truth[name].offsets.numpy()
+    codes = np.concatenate([p.codes.numpy() for p in truth.values()], axis=-1).astype(np.uint8)
     np.savez_compressed(
         OUT / "expected.npz", audio=audio, weights=np.float32(WEIGHTS), codes=codes, offsets=offsets
     )

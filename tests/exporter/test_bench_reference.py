@@ -5,7 +5,7 @@ import json
 import pytest
 from conftest import TINY
 
-from facecode_exporter.cli import main
+from facecode_exporter.cli.main import main
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,8 @@ import pytest
 from conftest import TINY
 
 from facecode_spec.manifest import Manifest, NewerFormatError
-from facecode_spec.schema import PartSpec, SpecError, SystemSpec, from_plain, to_plain
+from facecode_spec.plain import SpecError, from_plain, to_plain
+from facecode_spec.schema import PartSpec, SystemSpec
 from facecode_spec.systems import SYSTEMS
 
 MANIFEST = (TINY / "manifest.json").read_text()

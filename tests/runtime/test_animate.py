@@ -65,7 +65,7 @@ def test_own_template(tiny, tmp_path):
 
 def test_head_chunks_do_not_show(tiny, monkeypatch):
     want = tiny.animate(SPEECH).offsets
-    monkeypatch.setattr("facecode.part.HEAD_CHUNK", 7)
+    monkeypatch.setattr("facecode.loop.part.HEAD_CHUNK", 7)
     np.testing.assert_allclose(tiny.animate(SPEECH).offsets, want, atol=1e-6)
 
 

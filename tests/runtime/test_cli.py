@@ -90,8 +90,8 @@ def test_bench_compares_and_plots(run_cli, tmp_path):
 def test_plot_without_matplotlib_names_the_extra(tiny, tmp_path, monkeypatch):
     import sys
 
-    from facecode.bench import benchmark
-    from facecode.bench_report import plot
+    from facecode.bench.measure import benchmark
+    from facecode.bench.report import plot
     from facecode.errors import MissingExtraError
 
     report = benchmark(tiny, 0.0, 0.2, None)

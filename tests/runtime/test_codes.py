@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import SPEECH, TINY
 
-from facecode.codes_file import parse_hold
+from facecode.cli.hold_option import parse_hold
 from facecode.errors import CodesError, ModeError, SampleError
 
 
@@ -27,7 +27,7 @@ def test_edited_codes_change_the_motion(tiny, clip):
 
 
 def test_held_codes_are_kept(tiny, clip):
-    kept = (clip.codes + 1) % len(tiny.parts[0].codebook.rows)
+    kept = (clip.codes + 1) % len(tiny.engine.parts[0].codebook.rows)
     held = tiny.animate(SPEECH, hold={"face": kept})
     np.testing.assert_array_equal(held.codes, kept)
     np.testing.assert_allclose(held.offsets, tiny.decode(kept), atol=1e-6)

@@ -8,7 +8,7 @@ from conftest import SPEECH, TINY
 import facecode
 from facecode.audio import load_audio
 from facecode.errors import AudioError, AudioNotFoundError, StyleError
-from facecode.window import LONGEST_PAST
+from facecode.loop.window import LONGEST_PAST
 
 LENGTHS_S = (1.3, 0.2, 2.04, 0.77, 0.2)
 
@@ -37,7 +37,7 @@ def test_a_clip_in_a_batch_is_the_clip_alone(tiny, recordings, batch_size, windo
         np.testing.assert_array_equal(clip.audio, alone.audio)
 
 
-@pytest.mark.parametrize("bundle", [TINY, None], ids=["older bundle", "packaged"])
+@pytest.mark.parametrize("bundle", [TINY, None], ids=["tiny", "packaged"])
 def test_long_clips_in_a_batch_are_the_clips_alone(bundle):
     """More frames than `window` looks back: the past wraps round its slots."""
     face = facecode.load(bundle)

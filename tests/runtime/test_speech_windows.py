@@ -21,10 +21,10 @@ def short_windows(monkeypatch):
 @pytest.mark.parametrize("seconds", [4.01, 5.0, 6.02, 7.98])
 def test_windows_give_as_many_frames_as_one_pass(tiny, speech, monkeypatch, seconds):
     audio = np.resize(speech[0], int(16000 * seconds))
-    whole = tiny.encode(audio)
+    whole = tiny.engine.encode(audio)
     assert isinstance(whole, WholeMemory)
     shorten(monkeypatch)
-    windows = tiny.encode(audio)
+    windows = tiny.engine.encode(audio)
     assert isinstance(windows, LongMemory)
     assert abs(windows.n_frames - whole.n_frames) <= 1
     for step in range(windows.n_frames):
@@ -33,12 +33,12 @@ def test_windows_give_as_many_frames_as_one_pass(tiny, speech, monkeypatch, seco
 
 
 def test_up_to_the_threshold_it_is_one_pass(tiny, speech, short_windows):
-    assert isinstance(tiny.encode(np.resize(speech[0], 64000)), WholeMemory)
-    assert isinstance(tiny.encode(np.resize(speech[0], 64001)), LongMemory)
+    assert isinstance(tiny.engine.encode(np.resize(speech[0], 64000)), WholeMemory)
+    assert isinstance(tiny.engine.encode(np.resize(speech[0], 64001)), LongMemory)
 
 
 def test_one_window_is_held_at_a_time(tiny, speech, short_windows):
-    memory = tiny.encode(np.resize(speech[0], 16000 * 30))
+    memory = tiny.engine.encode(np.resize(speech[0], 16000 * 30))
     held = set()
     for step in range(memory.n_frames):
         memory.frame(step)

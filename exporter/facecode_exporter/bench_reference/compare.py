@@ -20,9 +20,11 @@ import torch
 
 from facecode.animator import Animator
 from facecode.arrays import Audio
-from facecode.bench import cpu_name, looped_speech
-from facecode.request import Mode, Request
-from facecode.session import ONNXRUNTIME_VERSION
+from facecode.bench.machine import cpu_name
+from facecode.bench.measure import looped_speech
+from facecode.loop.request import Window
+from facecode.options import Mode
+from facecode.session import onnxruntime_version
 from facecode_exporter.bench_reference.public_algorithm import PublicAlgorithm
 from facecode_exporter.nets.cdface import Trained
 
@@ -88,14 +90,13 @@ class Contestant:
 
     animator: Animator
     mode: Mode
-    window: int | None
-    """Frames decoded a step, None in exact mode."""
+    window: Window | None
+    """None in `exact` mode."""
 
     def run(self, speech: Audio) -> None:
         """Animate `speech` in the first style, vertices included."""
-        weights = np.eye(1, len(self.animator.styles), dtype=np.float32)
-        memory = self.animator.encode(speech)
-        self.animator.move([memory], weights, Request(self.window))
+        engine = self.animator.engine
+        engine.animate(speech, engine.request(window=self.window))
 
 
 def compare(
@@ -120,13 +121,13 @@ def compare(
         reference.append(truth)
         runtime += [_entry(c, truth, t) for c, t in zip(contestants, ours, strict=True)]
     return Comparison(
-        cpu_name(),
-        threads,
-        rounds,
-        torch.__version__,
-        ONNXRUNTIME_VERSION,
-        tuple(reference),
-        tuple(runtime),
+        cpu=cpu_name(),
+        threads=threads,
+        rounds=rounds,
+        torch=torch.__version__,
+        onnxruntime=onnxruntime_version(),
+        reference=tuple(reference),
+        runtime=tuple(runtime),
     )
 
 
@@ -172,13 +173,13 @@ def _entry(contestant: Contestant, truth: ReferenceTime, seconds: float) -> Runt
     manifest = contestant.animator.manifest
     ms = 1000 * seconds / truth.n_frames
     return RuntimeTime(
-        truth.seconds,
-        str(contestant.animator.bundle.root),
-        manifest.name,
-        manifest.precision,
-        contestant.mode,
-        contestant.window,
-        ms,
-        truth.ms_per_frame / ms,
-        seconds / truth.seconds,
+        seconds=truth.seconds,
+        bundle=str(contestant.animator.bundle.root),
+        system=manifest.name,
+        precision=manifest.precision,
+        mode=contestant.mode,
+        window=None if contestant.window is None else contestant.window.frames,
+        ms_per_frame=ms,
+        ratio=truth.ms_per_frame / ms,
+        real_time_factor=seconds / truth.seconds,
     )

@@ -18,12 +18,12 @@ from tqdm import tqdm
 
 from facecode.arrays import Float32
 from facecode.audio import load_audio
+from facecode_exporter.data.corpus_data import CorpusData
+from facecode_exporter.data.data_set import subject_of
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
 from facecode_exporter.demo.whisper_wheel import whisper_weights
-from facecode_exporter.evaluation.corpus_data import CorpusData
-from facecode_exporter.evaluation.data_set import subject_of
 from facecode_exporter.evaluation.distances import ScoredClip, Take, scored_clip
-from facecode_exporter.evaluation.regions import Regions
+from facecode_exporter.measures.regions import Regions
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.losses import counted_mse
@@ -54,8 +54,9 @@ class RegressionStage(Stage2):
 def without_codebook(system: SystemSpec) -> SystemSpec:
     """`system` with one unquantised "code" of 3V numbers a frame."""
     (part,) = system.parts
+    _, decoder = part.prior
     book = CodebookSpec(n_codes=1, codes_per_frame=1, dim=3 * system.n_vertices)
-    decoder = dataclasses.replace(part.motion_decoder, input_projection=True)
+    decoder = dataclasses.replace(decoder, input_projection=True)
     part = dataclasses.replace(part, codebook=book, motion_decoder=decoder)
     return dataclasses.replace(system, name=f"{system.name}-regression", parts=(part,))
 

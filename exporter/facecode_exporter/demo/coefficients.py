@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from facecode.arrays import AnyArray, Audio, Float32, Indices
-from facecode_exporter.demo.corpus_files import (
+from facecode_exporter.corpus.files import (
     clip_names,
     load_clip_audio,
     load_corpus_head,
     load_weights,
 )
-from facecode_exporter.demo.face_units import FACE_UNITS
-from facecode_exporter.demo.head import LIP_PAIR, Head
+from facecode_exporter.head.face_units import FACE_UNITS
+from facecode_exporter.head.head import LIP_PAIR, Head
+from facecode_exporter.measures.openings import open_frames
 from facecode_exporter.nets.codetalker import CodeTalker
-from facecode_exporter.training.openings import open_frames
 from facecode_spec.schema import SystemSpec
 
 LIP_WEIGHT, EYE_WEIGHT = 24.0, 5.0

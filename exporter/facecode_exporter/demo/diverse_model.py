@@ -11,15 +11,15 @@ from pathlib import Path
 
 import torch
 
-from facecode_exporter.bundle_writer import write_bundle
+from facecode_exporter.bundles.writer import write_bundle
 from facecode_exporter.checkpoints import save_system
+from facecode_exporter.corpus.files import load_corpus_head
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis, rounded
-from facecode_exporter.demo.corpus_files import load_corpus_head
-from facecode_exporter.demo.face_parts import part_vertices
-from facecode_exporter.demo.head import load_head
 from facecode_exporter.demo.model import LICENCE, neutral_of
 from facecode_exporter.demo.whisper_wheel import whisper_weights
 from facecode_exporter.face_parts import variant
+from facecode_exporter.head.division import part_vertices
+from facecode_exporter.head.head import load_head
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.training.config import TrainingConfig

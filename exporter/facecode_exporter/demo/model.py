@@ -8,18 +8,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import torch
 
-from facecode_exporter.bundle_writer import Neutral, write_bundle
-from facecode_exporter.checkpoints import load_stage1, save_stage1, save_system
+from facecode_exporter.bundles.neutral import Neutral
+from facecode_exporter.bundles.writer import write_bundle
+from facecode_exporter.checkpoints import save_system
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
-from facecode_exporter.demo.head import LIP_PAIR, Head, load_head
 from facecode_exporter.demo.whisper_wheel import whisper_weights
+from facecode_exporter.head.head import LIP_PAIR, Head, load_head
 from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.training import recipes
 from facecode_exporter.training.config import TrainingConfig
-from facecode_exporter.training.run import train
-from facecode_exporter.training.stage1 import Stage1
-from facecode_exporter.training.stage2 import Stage2
 from facecode_spec.systems.codetalker_demo import SPEC
 
 IDENTITIES = 6
@@ -89,11 +87,9 @@ def train_prior(
     Raises:
         CorpusError, RunError.
     """
-    net, clips = _on_coefficients(corpus, basis, config)
-    train(Stage1(net.autoencoder, *clips, config), config, folder, progress)
-    file = folder / "stage1.pth.tar"
-    save_stage1(net.autoencoder, file)
-    return file
+    net = recipes.seeded(config, lambda: CodeTalker(basis.system(SPEC)))
+    clips = _clips(corpus, basis)
+    return recipes.train_prior(net.autoencoder, clips, config, folder, progress)
 
 
 def train_speech(
@@ -110,21 +106,21 @@ def train_speech(
     Raises:
         CorpusError, CheckpointError, RunError.
     """
-    net, clips = _on_coefficients(corpus, basis, config)
-    load_stage1(net.autoencoder, prior)
-    net.audio_encoder.load_state_dict(whisper_weights(whisper_wheel))
-    train(Stage2(net, *clips, config), config, folder, progress)
-    return net
+    weights = whisper_weights(whisper_wheel)
+    return recipes.train_codetalker(
+        basis.system(SPEC),
+        prior,
+        _clips(corpus, basis),
+        config,
+        folder,
+        lambda encoder: encoder.load_state_dict(weights),
+        progress,
+    )
 
 
-def _on_coefficients(
-    corpus: Path, basis: MotionBasis, config: TrainingConfig
-) -> tuple[CodeTalker, tuple[CorpusClips, CorpusClips]]:
-    """A fresh network, and the clips that it learns from and is validated on."""
-    torch.manual_seed(config.seed)
-    net = CodeTalker(basis.system(SPEC))
-    torch.nn.init.zeros_(net.feat_map.weight)
-    return net, (
+def _clips(corpus: Path, basis: MotionBasis) -> tuple[CorpusClips, CorpusClips]:
+    """What the networks learn from and are validated on."""
+    return (
         CorpusClips(corpus, "train", basis, SPEC.styles),
         CorpusClips(corpus, "val", basis, SPEC.styles),
     )
@@ -132,7 +128,7 @@ def _on_coefficients(
 
 def save_demo(full: CodeTalker, folder: Path) -> dict[str, Path]:
     """Write the checkpoints of the network on all vertices, in the public layout."""
-    files = {stage: folder / f"{stage}.pth.tar" for stage in ("stage1", "stage2")}
+    files = {"stage1": folder / recipes.STAGE1_FILE, "stage2": folder / recipes.STAGE2_FILE}
     save_system(full, [files["stage1"]], [files["stage2"]])
     return files
 
@@ -141,10 +137,10 @@ def neutral_of(head: Head) -> Neutral:
     """The demo head as the face of a bundle."""
     others = list(head.identities.items())[:IDENTITIES]
     return Neutral(
-        head.template,
-        head.faces,
-        head.colours(),
-        {name: indices.astype(np.int32) for name, indices in head.regions.items()},
-        LIP_PAIR,
-        dict(others),
+        vertices=head.template,
+        faces=head.faces,
+        colours=head.colours(),
+        regions={name: indices.astype(np.int32) for name, indices in head.regions.items()},
+        lip_pair=LIP_PAIR,
+        identities=dict(others),
     )

@@ -7,7 +7,6 @@ after frame, each face on its own past.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 
 import numpy as np
@@ -15,9 +14,10 @@ import numpy as np
 from facecode.animator import Animator
 from facecode.arrays import Codes, Features, Float32, Template
 from facecode.audio import AudioSource, load_audio
-from facecode.codebook import Codebook
-from facecode.request import Request
-from facecode.styles import Style, style_weights
+from facecode.loop.engine import Engine
+from facecode.loop.part import Codebook
+from facecode.loop.request import style_weights
+from facecode.options import Style
 from facecode_exporter.errors import EvaluationError
 
 
@@ -41,31 +41,36 @@ class DrawnCodebook(Codebook):
         return np.asarray((noise - squared / self.tau).argmax(axis=-1))
 
 
-def drawing(animator: Animator, tau: float, seed: int = 0) -> Animator:
-    """`animator`, drawing its codes.
+def drawing(animator: Animator, tau: float, seed: int = 0) -> Engine:
+    """The engine of `animator`, drawing its codes.
 
     Raises:
         EvaluationError: parts that have samples of their own, or a negative tau.
     """
-    if tau < 0 or any(part.n_samples > 1 for part in animator.parts):
+    engine = animator.engine
+    if tau < 0 or any(part.n_samples > 1 for part in engine.parts):
         raise EvaluationError(
             f"got tau {tau:g} for {animator.manifest.name}; expected 0 or more, and a model that "
             "has no samples of its own"
         )
     rng = np.random.default_rng(seed)
-    other = copy.copy(animator)
-    other.parts = tuple(
+    parts = tuple(
         dataclasses.replace(part, codebook=DrawnCodebook(part.codebook.rows, tau, rng))
-        for part in animator.parts
+        for part in engine.parts
     )
-    return other
+    return dataclasses.replace(engine, parts=parts)
 
 
 def drawn_faces(
-    animator: Animator, speech: AudioSource, style: Style | None, template: Template, n_faces: int
+    animator: Animator,
+    engine: Engine,
+    speech: AudioSource,
+    style: Style | None,
+    template: Template,
+    n_faces: int,
 ) -> Float32:
-    """Vertices (K, T, V, 3) of K faces, by an animator of `drawing`."""
-    memory = animator.encode(load_audio(speech, animator.manifest.sample_rate))
+    """Vertices (K, T, V, 3) of K faces, by the engine of `drawing`."""
+    memory = engine.encode(load_audio(speech, animator.manifest.sample_rate))
     weights = np.tile(style_weights(style, animator.styles), (n_faces, 1))
-    moved = animator.move([memory] * n_faces, weights, Request())
-    return np.concatenate([offsets for _, offsets in moved]) + template
+    motions = engine.move([memory] * n_faces, engine.request(weights))
+    return np.concatenate([offsets for _, offsets in motions]) + template

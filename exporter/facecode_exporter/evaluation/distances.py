@@ -15,12 +15,12 @@ from typing import NamedTuple, TypeVar
 
 from facecode.animator import Animator
 from facecode.arrays import AnyArray, Codes
-from facecode.request import Mode
+from facecode.options import Mode
+from facecode_exporter.data.data_set import DataSet, subject_of
+from facecode_exporter.data.motion_files import SUFFIXES, read_motion
 from facecode_exporter.errors import EvaluationError
-from facecode_exporter.evaluation.data_set import DataSet, subject_of
-from facecode_exporter.evaluation.metrics import Score, score
-from facecode_exporter.evaluation.motion_files import SUFFIXES, read_motion
-from facecode_exporter.evaluation.regions import Regions, require_inside
+from facecode_exporter.measures.metrics import Score, score
+from facecode_exporter.measures.regions import Regions, require_inside
 
 CONDITION = "_condition_"
 MOST_UNEQUAL, SPARE_FRAMES = 1.5, 5

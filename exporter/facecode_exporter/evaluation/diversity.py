@@ -17,14 +17,14 @@ import numpy as np
 from facecode.animation import Animation
 from facecode.animator import Animator
 from facecode.arrays import AnyArray
+from facecode_exporter.data.data_set import DataSet
 from facecode_exporter.errors import EvaluationError
 from facecode_exporter.evaluation.code_sampling import drawing, drawn_faces
-from facecode_exporter.evaluation.data_set import DataSet
 from facecode_exporter.evaluation.distances import Progress, Take
-from facecode_exporter.evaluation.lip_sync import opening_curve
-from facecode_exporter.evaluation.metrics import cut_to_shorter, lip_vertex_error
 from facecode_exporter.evaluation.plots import require_matplotlib, save_figure
-from facecode_exporter.evaluation.regions import Regions
+from facecode_exporter.measures.lip_sync import opening_curve
+from facecode_exporter.measures.metrics import cut_to_shorter, lip_vertex_error
+from facecode_exporter.measures.regions import Regions
 
 
 @dataclass(frozen=True)
@@ -115,12 +115,11 @@ def score_faces(
     Raises:
         EvaluationError, SampleError, ModeError.
     """
-    if tau is not None:
-        animator = drawing(animator, tau)
+    engine = None if tau is None else drawing(animator, tau)
     for take in progress(takes):
         speech, template = data.speech(take.clip), data.template(take.clip)
-        if tau is not None:
-            vertices = drawn_faces(animator, speech, take.style, template, n_faces)
+        if engine is not None:
+            vertices = drawn_faces(animator, engine, speech, take.style, template, n_faces)
         else:
             held = {hold: animator.animate(speech, take.style)} if hold is not None else None
             vertices = animator.animate(

@@ -13,15 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from facecode.errors import MissingExtraError
-from facecode.writers.atomic import writing
-from facecode_exporter.evaluation.lip_sync import (
-    CLOSED_BELOW,
-    LIPS_TOGETHER,
-    OPEN_ABOVE,
-    OPEN_VOWELS,
-    SILENCE,
-)
+from facecode.writers import writing
 from facecode_exporter.evaluation.speech import SpokenClip
+from facecode_exporter.measures.lip_sync import CLOSED_BELOW, OPEN_ABOVE
+from facecode_exporter.measures.phone import LIPS_TOGETHER, OPEN_VOWELS, SILENCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,9 +43,7 @@ def require_matplotlib() -> None:
     try:
         import matplotlib.figure  # noqa: F401
     except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"plots need {error.name}: pip install 'facecode[plots]'"
-        ) from error
+        raise MissingExtraError.of("a plot", str(error.name), "plots") from error
 
 
 def plot_opening(clip: SpokenClip, path: Path) -> None:

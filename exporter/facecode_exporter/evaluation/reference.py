@@ -6,7 +6,6 @@ vertices where they are of the bundle's own mesh. Knows nothing of measures.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -14,11 +13,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from facecode.animator import Animator
-from facecode.arrays import AnyArray, Faces, Float32
+from facecode.arrays import AnyArray, Float32
+from facecode_exporter.bundles.manifest import topology
+from facecode_exporter.data.motion_files import SUFFIXES, read_motion
+from facecode_exporter.data.recordings import Recording
 from facecode_exporter.errors import EvaluationError
-from facecode_exporter.evaluation.lip_sync import opening_curve
-from facecode_exporter.evaluation.motion_files import SUFFIXES, read_motion
-from facecode_exporter.evaluation.recordings import Recording
+from facecode_exporter.measures.lip_sync import opening_curve
 
 
 class Reference(NamedTuple):
@@ -61,12 +61,12 @@ def from_rules(animator: Animator) -> ReferenceSource:
     In the style of the same name where the rules know it, else in plain speech, which leads the
     sound by 40 ms. Vertices are comparable where the bundle animates that head.
     """
-    from facecode_exporter.demo.head import load_head
-    from facecode_exporter.demo.motion import FPS, face_weights
-    from facecode_exporter.demo.styles import STYLES, Style
+    from facecode_exporter.corpus.rules import FPS, face_weights
+    from facecode_exporter.corpus.styles import STYLES, Style
+    from facecode_exporter.head.head import load_head
 
     head, fps = load_head(), animator.manifest.fps
-    same_mesh = fps == FPS and animator.manifest.topology == topology_of(head.faces)
+    same_mesh = fps == FPS and animator.manifest.topology == topology(head.faces)
     styles = {style.name: style for style in STYLES}
 
     def reference(recording: Recording, style: str) -> Reference:
@@ -84,8 +84,3 @@ def resampled(curve: Float32, fps: float, to_fps: float) -> Float32:
     n_frames = int(len(curve) * to_fps / fps + 1e-6)
     times = np.arange(n_frames) / to_fps
     return np.interp(times, np.arange(len(curve)) / fps, curve).astype(np.float32)
-
-
-def topology_of(faces: Faces) -> str:
-    """As a manifest writes it: SHA-256 of the little-endian int32 (F, 3) indices."""
-    return hashlib.sha256(faces.astype("<i4").tobytes()).hexdigest()

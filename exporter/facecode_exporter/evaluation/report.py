@@ -14,10 +14,10 @@ import numpy as np
 from facecode.animator import Animator
 from facecode_exporter.evaluation.distances import ScoredClip, Take
 from facecode_exporter.evaluation.diversity import DiversityScore, mean_score
-from facecode_exporter.evaluation.lip_sync import Share, Verdict
-from facecode_exporter.evaluation.metrics import pooled
-from facecode_exporter.evaluation.signals import LONGEST_LAG, best_lag
 from facecode_exporter.evaluation.speech import Judged, Pops, SpokenClip
+from facecode_exporter.measures.lip_sync import Share, Verdict
+from facecode_exporter.measures.metrics import pooled
+from facecode_exporter.measures.signals import LONGEST_LAG, best_lag
 
 ALL = "all"
 T = TypeVar("T")
@@ -81,7 +81,7 @@ def codes_line(clips: Sequence[ScoredClip], animator: Animator) -> str:
     """How many codes of each part's codebook the clips use."""
     shares = []
     start = 0
-    for part in animator.parts:
+    for part in animator.engine.parts:
         columns = slice(start, start + part.codes_per_frame)
         used = {
             int(c)

@@ -14,15 +14,15 @@ import numpy as np
 from facecode.animation import Animation
 from facecode.animator import Animator
 from facecode.arrays import Float32, Indices
-from facecode.request import Mode
+from facecode.options import Mode
+from facecode_exporter.data.recordings import Recording
 from facecode_exporter.errors import EvaluationError
-from facecode_exporter.evaluation import lip_sync
 from facecode_exporter.evaluation.distances import Progress
-from facecode_exporter.evaluation.lip_sync import Judge, Verdict
-from facecode_exporter.evaluation.recordings import Recording
 from facecode_exporter.evaluation.reference import Reference, ReferenceSource
-from facecode_exporter.evaluation.regions import LIPS
-from facecode_exporter.evaluation.signals import Correlations, lag_correlations, pops
+from facecode_exporter.measures import lip_sync
+from facecode_exporter.measures.lip_sync import Judge, Verdict
+from facecode_exporter.measures.regions import LIPS
+from facecode_exporter.measures.signals import Correlations, lag_correlations, pops
 
 FROZEN = 1e-3
 """Of the template's diagonal: a mouth that opens less (0.4 mm of a head) does not move."""

@@ -14,8 +14,8 @@ import numpy as np
 from facecode.animator import Animator
 from facecode.arrays import Float32
 from facecode.audio import AudioSource
-from facecode_exporter.evaluation.lip_sync import opening_curve
 from facecode_exporter.evaluation.plots import save_figure
+from facecode_exporter.measures.lip_sync import opening_curve
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,13 @@ Trained: TypeAlias = CodeTalker | CDFace
 """A trained system: `system`, `audio_encoder`, `part_nets`."""
 
 
+NETWORKS: dict[str, type[CodeTalker] | type[CDFace]] = {"codetalker": CodeTalker, "cdface": CDFace}
+"""By the family that a spec gives."""
+
+
 def network_of(system: SystemSpec) -> Trained:
     """The network of `system`, with fresh weights."""
-    return CodeTalker(system) if len(system.parts) == 1 else CDFace(system)
+    return NETWORKS[system.family](system)
 
 
 @torch.no_grad()

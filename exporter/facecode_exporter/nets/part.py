@@ -48,7 +48,7 @@ class PartNet(nn.Module):
     def __init__(self, system: SystemSpec, part: PartSpec) -> None:
         super().__init__()
         self.system, self.part = system, part
-        decoder, book = part.cross_modal_decoder, part.codebook
+        decoder, (book, _) = part.cross_modal_decoder, part.prior
         self.n_vertices = system.vertices_of(part)
         family = FAMILIES[system.speech_encoder.family]
         self.audio_feature_map = nn.Linear(family.width_of(system.speech_encoder), decoder.dim)
@@ -97,7 +97,7 @@ class PartNet(nn.Module):
             tgt_mask=self_attention_bias(self.part, n_frames).repeat(tokens.shape[0], 1, 1),
             memory_mask=cross_mask(n_frames, memory.shape[1], rows),
         )
-        book = self.part.codebook
+        book, _ = self.part.prior
         shape = (self.part.n_samples, book.codes_per_frame, book.dim)
         return cast(Tensor, self.feat_map(hidden).unflatten(-1, shape))
 
@@ -155,7 +155,8 @@ class PartNet(nn.Module):
 
 def code_width(part: PartSpec) -> int:
     """Numbers in the code vectors of one frame."""
-    return part.codebook.codes_per_frame * part.codebook.dim
+    book, _ = part.prior
+    return book.codes_per_frame * book.dim
 
 
 def alibi_slopes(n_heads: int) -> list[float]:

@@ -137,11 +137,11 @@ class TemporalTrunk(nn.Module):
 
     def __init__(self, part: PartSpec, side: str) -> None:
         super().__init__()
-        spec = part.motion_decoder
+        _, spec = part.prior
         self.side = side
         dim = spec.dim
         convolution = nn.Sequential(
-            nn.Conv1d(dim, dim, 5, padding=2, padding_mode="replicate"),
+            nn.Conv1d(dim, dim, spec.kernel, padding=spec.kernel // 2, padding_mode="replicate"),
             nn.LeakyReLU(spec.negative_slope),
             ClipNorm(dim, spec.norm_affine),
         )
@@ -172,7 +172,7 @@ class VQEncoder(TemporalTrunk):
 
     def __init__(self, part: PartSpec, n_vertices: int) -> None:
         super().__init__(part, "encoder")
-        spec, book = part.motion_decoder, part.codebook
+        book, spec = part.prior
         self.vertice_mapping = nn.Sequential(
             nn.Linear(3 * n_vertices, spec.dim), nn.LeakyReLU(spec.negative_slope)
         )
@@ -193,7 +193,7 @@ class VQDecoder(TemporalTrunk):
 
     def __init__(self, part: PartSpec, n_vertices: int) -> None:
         super().__init__(part, "decoder")
-        spec, book = part.motion_decoder, part.codebook
+        book, spec = part.prior
         if spec.input_projection:
             self.decoder_linear_embedding_pre = Net(book.codes_per_frame * book.dim, spec.dim)
         self.vertice_map_reverse = nn.Linear(spec.dim, 3 * n_vertices, bias=spec.output_bias)
@@ -240,7 +240,8 @@ class VQAutoencoder(nn.Module):
         super().__init__()
         self.encoder = VQEncoder(part, n_vertices)
         self.decoder = VQDecoder(part, n_vertices)
-        self.quantize = Quantizer(part.codebook.n_codes, part.codebook.dim)
+        book, _ = part.prior
+        self.quantize = Quantizer(book.n_codes, book.dim)
 
     def decode_features(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Features (B, T, H, C) to codes (B, T, H) and offsets (B, T, 3V)."""

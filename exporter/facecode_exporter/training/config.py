@@ -9,7 +9,7 @@ from typing import Literal
 
 from facecode_exporter.errors import ConfigError
 from facecode_exporter.training.diverse_losses import DiverseLosses
-from facecode_spec.schema import SpecError, from_plain, to_plain
+from facecode_spec.plain import SpecError, from_plain, to_plain
 
 CONFIG_FILE = "config.json"
 

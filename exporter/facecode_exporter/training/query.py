@@ -1,9 +1,8 @@
 """The query network of one part of CDFace: speech and past motion to K samples of that part.
 
 The motion prior is frozen, gradients pass its quantiser straight through. The paper teaches on the
-true past; here, as in `own_history` of stage 2, half of the clips see no past and in the others
-every sample sees what its own head says without one. A network taught on the true past goes on with
-it rather than listen, and K samples that share one true past have nothing of their own to keep up.
+true past; here half of the clips see no past and the other half the head's own prediction made
+without history, as in `own_history` of stage 2.
 """
 
 from __future__ import annotations
@@ -17,16 +16,15 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from facecode_exporter.data.clips import Clips, batches
+from facecode_exporter.measures.regions import LIPS
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.training.config import TrainingConfig
-from facecode_exporter.training.data import Clips, batches
 from facecode_exporter.training.diverse_losses import TERMS, diverse_terms, total
 from facecode_exporter.training.losses import straight_through
 from facecode_exporter.training.speech_rows import SpeechRows
 
-LIPS = "lips"
-"""The part whose closures are masked."""
 Crop = tuple[int, int, int]
 """(clip, first frame, frames)"""
 
@@ -58,8 +56,7 @@ class QueryStage:
             train: clips of the part to learn from.
             val: and to validate on.
             config: with `losses` and `part`.
-            speech: of a stage before, over the same clips and the same frozen encoder, so that
-                nothing is encoded twice.
+            speech: of a stage before, over the same clips and the same frozen encoder.
         """
         assert config.losses is not None
         assert config.part is not None

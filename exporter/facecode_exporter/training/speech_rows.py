@@ -6,8 +6,8 @@ import torch
 from torch import Tensor, nn
 
 from facecode.audio import normalise
+from facecode_exporter.data.clips import Clips
 from facecode_exporter.nets.speech import n_frames
-from facecode_exporter.training.data import Clips
 from facecode_spec.schema import SystemSpec
 
 

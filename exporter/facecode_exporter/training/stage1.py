@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from facecode_exporter.data.clips import Clips, batches
 from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
 from facecode_exporter.training.config import TrainingConfig
-from facecode_exporter.training.data import Clips, batches
 from facecode_exporter.training.losses import stage1_terms, straight_through
 
 

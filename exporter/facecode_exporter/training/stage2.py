@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode_exporter.evaluation.lip_sync import CLOSED_BELOW
+from facecode_exporter.data.clips import Clips, batches
+from facecode_exporter.measures.lip_sync import CLOSED_BELOW
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
-from facecode_exporter.training.data import Clips, batches
 from facecode_exporter.training.losses import stage2_terms, straight_through
 from facecode_exporter.training.query import PartClips
 from facecode_exporter.training.speech_rows import SpeechRows

@@ -57,7 +57,7 @@ def _parity(bundle: Bundle) -> str:
 
 
 def _mode(entry: ModeEntry) -> str:
-    ahead = "the whole recording" if entry.look_ahead_ms is None else f"{entry.look_ahead_ms:g} ms"
+    ahead = "the whole clip" if entry.look_ahead_ms is None else f"{entry.look_ahead_ms:g} ms"
     delay = "" if entry.delay_frames is None else f", frames final {entry.delay_frames} later"
     return f"look-ahead {ahead}{delay}"
 

@@ -1,7 +1,6 @@
 """Speech to codes and motion: the encoder and the parts of a face as one value, without state.
 
-Knows nothing of bundles, files or styles by name. Another codebook or timed graphs go in with
-`dataclasses.replace`.
+Knows nothing of files or styles by name. Another codebook or timed graphs go in with `replace`.
 """
 
 from __future__ import annotations
@@ -44,6 +43,11 @@ class Engine:
         encoder = Graph(bundle.path(m.speech_encoder.path), m.speech_encoder, compute)
         parts = tuple(Part.open(bundle, part, compute) for part in m.parts)
         return cls(SpeechEncoder(encoder, m), parts, m.n_vertices)
+
+    @property
+    def graphs(self) -> tuple[Graph, ...]:
+        """All graphs in the order in which they run."""
+        return (self.speech_encoder.graph, *(g for part in self.parts for g in part.graphs))
 
     @property
     def smallest_window(self) -> int:
@@ -192,10 +196,9 @@ class Faces:
 
 
 def blocks(faces: Faces, frames: Iterable[Frame]) -> Iterator[tuple[Codes, Offsets]]:
-    """One clip in `window` mode, block by block as its frames become final.
+    """Codes (K, n, H) and offsets (K, n, V, 3) of one clip, as frames become final.
 
-    Codes (K, n, H) and offsets (K, n, V, 3) follow each other; nothing that was given is kept, so
-    that a clip may have any length.
+    Nothing that was given is kept, so that a clip may have any length.
     """
     for frame in frames:
         faces.add(frame)

@@ -176,6 +176,11 @@ class Part:
             vertices=bundle.part_vertices(entry),
         )
 
+    @property
+    def graphs(self) -> tuple[Graph, ...]:
+        """The part's graphs in the order in which they run."""
+        return (self.decoder_step, self.motion.graph, self.vertex_head)
+
     def hidden_of(self, codes: Codes) -> Float32:
         """Hidden frames (B, T, E) of the codes (B, T, H) of whole clips."""
         vectors, every = self.codebook.look_up(codes), np.arange(codes.shape[1])

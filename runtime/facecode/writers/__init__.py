@@ -55,7 +55,8 @@ def check_output(path: Path) -> None:
     """
     found = format_of(path)
     check_folder(path)
-    found.check()
+    if found.check is not None:
+        found.check()
 
 
 def check_face(found: Format, has_faces: bool, has_rig: bool, n_faces: int = 1) -> None:

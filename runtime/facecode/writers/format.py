@@ -16,10 +16,6 @@ WriteTakes: TypeAlias = "Callable[[Sequence[Clip], BinaryIO, bool], None]"
 """The same for several clips of one recording, of one rate and length."""
 
 
-def _nothing_to_check() -> None:
-    """Formats of the core dependencies are always there."""
-
-
 @dataclass(frozen=True)
 class Format:
     """A format by its suffix."""
@@ -33,8 +29,8 @@ class Format:
     """The format shows a surface, or cannot say points without triangles."""
     needs_rig: bool = False
     """The format holds weights of face units."""
-    check: Callable[[], None] = _nothing_to_check
-    """Raises MissingExtraError where the format needs a package that is not installed."""
+    check: Callable[[], None] | None = None
+    """Raises MissingExtraError if a package is missing; None: the core packages will do."""
 
 
 def by_path(suffix: str, write: Callable[[Clip, Path, bool], None]) -> Write:

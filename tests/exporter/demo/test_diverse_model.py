@@ -8,9 +8,9 @@ import torch
 
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis
 from facecode_exporter.demo.diverse_model import lifted, on_coefficients, query_config
-from facecode_exporter.demo.face_parts import part_vertices
-from facecode_exporter.demo.face_units import unit_weights
-from facecode_exporter.demo.head import PACKAGED, load_head
+from facecode_exporter.head.division import part_vertices
+from facecode_exporter.head.face_units import unit_weights
+from facecode_exporter.head.head import PACKAGED, load_head
 from facecode_exporter.random_weights import random_network
 from facecode_spec.systems.cdface_demo import SPEC
 

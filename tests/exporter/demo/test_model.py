@@ -10,13 +10,13 @@ from conftest import SPEECH
 from facecode.animator import Animator
 from facecode.bundle import Bundle
 from facecode.errors import TemplateError
-from facecode_exporter.bundle_writer import write_bundle
+from facecode_exporter.bundles.writer import write_bundle
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
-from facecode_exporter.demo.face_units import FACE_UNITS
-from facecode_exporter.demo.head import PACKAGED, load_head
 from facecode_exporter.demo.model import LIP_PAIR, neutral_of
 from facecode_exporter.demo.whisper_wheel import whisper_weights
 from facecode_exporter.errors import CheckpointError
+from facecode_exporter.head.face_units import FACE_UNITS
+from facecode_exporter.head.head import PACKAGED, load_head
 from facecode_exporter.random_weights import random_network
 from facecode_spec.systems.codetalker_demo import SPEC
 

@@ -10,16 +10,17 @@ from conftest import make_folder
 
 from facecode.animator import Animator
 from facecode.bundle import Bundle
-from facecode_exporter.bundle_writer import read_neutral, write_bundle
-from facecode_exporter.cli import main
-from facecode_exporter.demo.phones import Phone
+from facecode_exporter.bundles.neutral import read_neutral
+from facecode_exporter.bundles.writer import write_bundle
+from facecode_exporter.cli.main import main
+from facecode_exporter.data.recordings import Recording
 from facecode_exporter.errors import EvaluationError
 from facecode_exporter.evaluation.code_sampling import DrawnCodebook, drawing, drawn_faces
 from facecode_exporter.evaluation.diversity import diversity_score, mean_score
-from facecode_exporter.evaluation.metrics import lip_vertex_error
-from facecode_exporter.evaluation.recordings import Recording
-from facecode_exporter.evaluation.regions import Regions
 from facecode_exporter.evaluation.speech import judge_speech, measure
+from facecode_exporter.measures.metrics import lip_vertex_error
+from facecode_exporter.measures.phone import Phone
+from facecode_exporter.measures.regions import Regions
 from facecode_exporter.random_weights import random_network
 from facecode_spec.systems import SYSTEMS
 

@@ -9,13 +9,13 @@ import torch
 from conftest import SPEECH, make_folder
 
 import facecode
-from facecode_exporter.cli import main
+from facecode_exporter.cli.main import main
+from facecode_exporter.data.clips import FolderClips, FolderPart
 from facecode_exporter.errors import RegionError
 from facecode_exporter.face_parts import part_vertices, variant
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.training import run
 from facecode_exporter.training.config import cdface_defaults
-from facecode_exporter.training.data import FolderClips, FolderPart
 from facecode_exporter.training.query import QueryStage, heard, sort_heads, start_from_one
 from facecode_spec.systems import SYSTEMS
 

@@ -8,9 +8,9 @@ import torch
 from conftest import DATA, make_folder
 
 from facecode_exporter.config import system_from_config
+from facecode_exporter.data.clips import FolderClips, FolderPart
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import stage2_defaults
-from facecode_exporter.training.data import FolderClips, FolderPart
 from facecode_exporter.training.losses import counted_mse
 from facecode_exporter.training.stage2 import Stage2
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from facecode_exporter.measures.openings import open_frames
 from facecode_exporter.training.diverse_losses import (
     TERMS,
     DiverseLosses,
@@ -13,7 +14,6 @@ from facecode_exporter.training.diverse_losses import (
     diversity,
     total,
 )
-from facecode_exporter.training.openings import open_frames
 
 K, T, WIDE = 4, 6, 9
 

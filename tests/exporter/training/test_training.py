@@ -10,12 +10,12 @@ import yaml
 from conftest import DATA, FORMS, SPEECH, make_folder
 
 import facecode
-from facecode_exporter.cli import main
+from facecode_exporter.cli.main import main
 from facecode_exporter.config import system_from_config
+from facecode_exporter.data.clips import FolderClips, batches
+from facecode_exporter.data.data_set import LAYOUTS
 from facecode_exporter.errors import DataSetError
-from facecode_exporter.evaluation.data_set import LAYOUTS
 from facecode_exporter.training import run
-from facecode_exporter.training.data import FolderClips, batches
 from facecode_exporter.training.losses import straight_through
 
 

@@ -1,0 +1,1 @@
+"""Trained systems to bundles: graphs, manifest, parity, int8."""

@@ -1,0 +1,86 @@
+"""How far `window` and int8 are from what they stand in for, on the packaged speech.
+
+Codes are compared one by one. Two of the same motion may differ by a code that hardly shows, and a
+loop that feeds itself goes on with it, so that the lips count too: the lip vertex error between
+both, as a share of that between the face and its rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from facecode.animator import Animator
+from facecode.arrays import Codes, Offsets
+from facecode.audio import SPEECH, load_audio
+from facecode_exporter.errors import DeviationError
+from facecode_exporter.measures.metrics import lip_vertex_error
+from facecode_spec.manifest import Deviation, ModeEntry
+
+WINDOWS = (5, 8, 12, 16, 24)
+ENOUGH_CODES, LITTLE_MOTION = 0.99, 0.01
+"""A window is wide enough with so many codes equal, or with lips that deviate by so little."""
+LEAST_CODES, MOST_MOTION = 0.8, 0.01
+"""int8 is refused with fewer codes equal to float32's, or with lips that deviate by more."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a bundle makes of the calibration audio."""
+
+    codes: Codes
+    """(T, H)"""
+    offsets: Offsets
+    """(T, V, 3)"""
+
+
+def move(animator: Animator, window: int | None = None) -> Motion:
+    """Animate the packaged speech in the first style."""
+    speech, engine = load_audio(SPEECH, animator.manifest.sample_rate), animator.engine
+    how = None if window is None else animator.window("window", window)
+    codes, offsets = engine.animate(speech, engine.request(window=how))
+    return Motion(codes[0], offsets[0])
+
+
+def deviation(animator: Animator, truth: Motion, motion: Motion) -> Deviation:
+    """How far `motion` is from `truth`; without known lips all vertices count as such."""
+    known = "lips" in animator.manifest.regions
+    lips = animator.bundle.region("lips") if known else np.arange(animator.manifest.n_vertices)
+    moved = lip_vertex_error(np.zeros_like(truth.offsets), truth.offsets, lips)
+    apart = lip_vertex_error(motion.offsets, truth.offsets, lips)
+    agreement = float((motion.codes == truth.codes).mean())
+    return Deviation(len(truth.codes), agreement, float(apart / moved) if moved else 0.0)
+
+
+def choose_window(animator: Animator, exact: Motion) -> ModeEntry:
+    """Mode `window` with the narrowest of WINDOWS that is wide enough, or the widest."""
+    for frames in WINDOWS:
+        found = deviation(animator, exact, move(animator, frames))
+        if found.code_agreement >= ENOUGH_CODES or found.lip_deviation <= LITTLE_MOTION:
+            break
+    return dataclasses.replace(animator.manifest.modes["window"], window=frames, deviation=found)
+
+
+def describe_deviation(found: Deviation) -> str:
+    """A deviation in a line."""
+    return (
+        f"{100 * found.code_agreement:.2f} % of the codes, lips deviate by "
+        f"{100 * found.lip_deviation:.2f} % of their motion ({found.n_frames} frames)"
+    )
+
+
+def require_small(found: Deviation) -> None:
+    """Refuse int8 weights that change too much.
+
+    Raises:
+        DeviationError
+    """
+    if found.code_agreement < LEAST_CODES or not found.lip_deviation <= MOST_MOTION:
+        raise DeviationError(
+            f"int8 gives {100 * found.code_agreement:.1f} % of the codes of float32 and lips that "
+            f"deviate by {100 * found.lip_deviation:.2f} % of their motion; expected at least "
+            f"{100 * LEAST_CODES:g} % and at most {100 * MOST_MOTION:g} %. Export float32, or "
+            "accept it with --any-deviation"
+        )

@@ -1,0 +1,154 @@
+"""The arrays of a bundle and its manifest, out of a trained system and a neutral face."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from facecode.arrays import Faces
+from facecode.bundle_files import file_sha256
+from facecode_exporter.bundles.graph_set import SystemGraph, graph_set
+from facecode_exporter.bundles.neutral import Neutral
+from facecode_exporter.nets.cdface import Trained
+from facecode_spec.entries import FileEntry, PartEntry, ReachEntry
+from facecode_spec.graphs import DECODER_STEP, MOTION_DECODER, OPSET, VERTEX_HEAD, part_file
+from facecode_spec.manifest import (
+    FORMAT_VERSION,
+    MANIFEST_NAME,
+    Manifest,
+    ModeEntry,
+    SourceEntry,
+)
+from facecode_spec.schema import PartSpec, SystemSpec
+
+LICENCE = (
+    "The weights keep the licence of the checkpoints named under 'sources'. Models trained on "
+    "VOCASET or BIWI are for non-commercial research, as those data sets are."
+)
+CODEBOOK, VERTICES = "codebook", "vertices"
+TEMPLATE = "template.npy"
+FACES, COLOURS = "faces.npy", "colours.npy"
+DEFAULT_WINDOW = 8
+"""Frames decoded at a step until the export has chosen a width."""
+DELAY = 30
+"""Frames after which `window` gives a frame: half of the deviation of 15, 1.5 x that of 60."""
+MODES = {
+    "exact": ModeEntry(look_ahead_ms=None, delay_frames=None),
+    "window": ModeEntry(look_ahead_ms=None, delay_frames=DELAY, window=DEFAULT_WINDOW),
+}
+
+
+def write_arrays(net: Trained, folder: Path, neutral: Neutral) -> None:
+    """Write codebooks, vertex indices and the face itself into `folder`."""
+    for part in net.part_nets:
+        codebook = part.autoencoder.quantize.embedding.weight.detach().numpy()
+        np.save(folder / _array_file(net.system, part.part, CODEBOOK), codebook)
+        if part.part.n_vertices is not None:
+            own = neutral.parts[part.part.name].astype(np.int32)
+            np.save(folder / _array_file(net.system, part.part, VERTICES), own)
+    np.save(folder / TEMPLATE, neutral.vertices.astype(np.float32))
+    if neutral.faces is not None:
+        np.save(folder / FACES, neutral.faces)
+    if neutral.colours is not None:
+        np.save(folder / COLOURS, neutral.colours)
+    for name, indices in neutral.regions.items():
+        np.save(folder / _region_file(name), indices.astype(np.int32))
+    for name, vertices in neutral.identities.items():
+        np.save(folder / _identity_file(name), vertices.astype(np.float32))
+
+
+def _array_file(system: SystemSpec, part: PartSpec, name: str) -> str:
+    return f"{part_file(system, part, name)}.npy"
+
+
+def _region_file(name: str) -> str:
+    return f"region-{name}.npy"
+
+
+def _identity_file(name: str) -> str:
+    return f"identity-{name}.npy"
+
+
+def manifest_of(
+    net: Trained,
+    folder: Path,
+    neutral: Neutral,
+    sources: Mapping[str, Path],
+    licence: str,
+) -> Manifest:
+    """The manifest of the files in `folder`, before anything is measured."""
+    system = net.system
+    graphs = graph_set(system)
+    return Manifest(
+        format_version=FORMAT_VERSION,
+        name=system.name,
+        family=system.family,
+        reference=system.reference,
+        fps=system.fps,
+        sample_rate=system.speech_encoder.sample_rate,
+        normalise_audio=system.speech_encoder.normalise,
+        min_samples=system.speech_encoder.min_samples,
+        n_vertices=system.n_vertices,
+        unit=system.unit,
+        metres_per_unit=system.metres_per_unit,
+        up_axis=system.up_axis,
+        styles=system.styles,
+        modes=MODES,
+        precision="fp32",
+        template=TEMPLATE,
+        has_template=neutral.given,
+        faces=None if neutral.faces is None else FACES,
+        colours=None if neutral.colours is None else COLOURS,
+        regions={name: _region_file(name) for name in neutral.regions},
+        lip_pair=neutral.lip_pair,
+        identities={name: _identity_file(name) for name in neutral.identities},
+        rig=None,
+        topology=None if neutral.faces is None else topology(neutral.faces),
+        speech_encoder=graphs[0].entry,
+        parts=tuple(_part_entry(system, part, graphs) for part in system.parts),
+        files=files_of(folder),
+        system=system,
+        opset=OPSET,
+        exported_with={
+            name: version(name) for name in ("facecode", "torch", "onnx", "transformers")
+        },
+        sources={
+            stage: SourceEntry(path.name, file_sha256(path)) for stage, path in sources.items()
+        },
+        licence=licence,
+    )
+
+
+def _part_entry(system: SystemSpec, part: PartSpec, graphs: Sequence[SystemGraph]) -> PartEntry:
+    own = {graph.spec.name: graph.entry for graph in graphs if graph.part == part}
+    _, decoder = part.prior
+    return PartEntry(
+        name=part.name,
+        kind=part.kind,
+        decoder_step=own[DECODER_STEP],
+        vertex_head=own[VERTEX_HEAD],
+        codebook=_array_file(system, part, CODEBOOK),
+        motion_decoder=own[MOTION_DECODER],
+        reach=ReachEntry(before=decoder.kernel // 2, after=decoder.kernel // 2),
+        n_samples=part.n_samples,
+        conditions_on=part.conditions_on,
+        vertices=None if part.n_vertices is None else _array_file(system, part, VERTICES),
+    )
+
+
+def files_of(folder: Path) -> dict[str, FileEntry]:
+    """Size and hash of every file in `folder` but the manifest."""
+    return {
+        file.name: FileEntry(file.stat().st_size, file_sha256(file))
+        for file in sorted(folder.iterdir())
+        if file.name != MANIFEST_NAME
+    }
+
+
+def topology(faces: Faces) -> str:
+    """Fingerprint of a mesh's triangles."""
+    return hashlib.sha256(np.ascontiguousarray(faces, dtype="<i4").tobytes()).hexdigest()

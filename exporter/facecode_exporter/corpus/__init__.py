@@ -1,0 +1,1 @@
+"""The generated corpus: spoken sentences with procedural motion."""

@@ -1,0 +1,1 @@
+"""What is learned and judged on: data sets, corpora, recordings."""

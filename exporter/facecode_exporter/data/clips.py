@@ -1,0 +1,134 @@
+"""Clips of speech and motion for training, and how an epoch cuts them into batches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facecode.arrays import Audio, Float32, Indices
+from facecode.audio import load_audio
+from facecode_exporter.data.data_set import LAYOUTS, DataSet, subject_of
+from facecode_exporter.errors import DataSetError
+from facecode_exporter.measures.lip_sync import opening_curve
+from facecode_exporter.measures.openings import open_frames
+
+SAMPLE_RATE = 16_000
+
+
+class Clips(Protocol):
+    """A split of a data set."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Clip names, in a fixed order."""
+
+    def offsets(self, index: int) -> Float32:
+        """(T, 3V) offsets from the template, at the system's fps."""
+
+    def audio(self, index: int) -> Audio:
+        """(n_samples,) at the system's sample rate."""
+
+    def style(self, index: int) -> int:
+        """The clip's style, as an index into the system's styles."""
+
+
+class FolderClips:
+    """One split of a VOCASET or BIWI folder, read clip by clip when asked for."""
+
+    def __init__(self, root: Path, layout: str, split: str, n_vertices: int) -> None:
+        """Find the clips.
+
+        Raises:
+            DataSetError: not in the layout, or the split is empty.
+        """
+        self.data = DataSet.open(root, LAYOUTS[layout], split)
+        self.names = self.data.clips
+        self.n_vertices = n_vertices
+
+    def offsets(self, index: int) -> Float32:
+        """(T, 3V).
+
+        Raises:
+            DataSetError: unreadable, or of another number of vertices.
+        """
+        name = self.names[index]
+        template = self.data.template(name)
+        if len(template) != self.n_vertices:
+            raise DataSetError(
+                f"{name} has {len(template)} vertices; this system has {self.n_vertices}"
+            )
+        motion = self.data.truth(name) - template
+        return np.asarray(motion.reshape(len(motion), -1), dtype=np.float32)
+
+    def audio(self, index: int) -> Audio:
+        """(n_samples,) at 16 kHz."""
+        return load_audio(self.data.speech(self.names[index]), SAMPLE_RATE)
+
+    def style(self, index: int) -> int:
+        """Index of the subject among the training subjects; 0 for an unseen one."""
+        subject, known = subject_of(self.names[index]), self.data.layout.seen
+        return known.index(subject) if subject in known else 0
+
+
+class FolderPart:
+    """The motion of one part of the face in a split, and when its mouth is open."""
+
+    def __init__(self, clips: FolderClips, vertices: Indices, lip_pair: tuple[int, int]) -> None:
+        """Choose the part.
+
+        Args:
+            clips: whole faces.
+            vertices: (n,) those of the part.
+            lip_pair: an upper-lip and a lower-lip vertex of the whole face.
+        """
+        self.clips, self.lip_pair = clips, lip_pair
+        self.names = clips.names
+        self._columns = (3 * vertices[:, None] + np.arange(3)).ravel()
+
+    def offsets(self, index: int) -> Float32:
+        """(T, 3n)."""
+        return self.clips.offsets(index)[:, self._columns]
+
+    def audio(self, index: int) -> Audio:
+        """(n_samples,) at 16 kHz."""
+        return self.clips.audio(index)
+
+    def style(self, index: int) -> int:
+        """As of the whole face."""
+        return self.clips.style(index)
+
+    def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
+        """(T,) of each clip: True where the true mouth is open."""
+        data = self.clips.data
+        openings = [
+            opening_curve(data.truth(name), self.lip_pair, data.template(name))
+            for name in self.names
+        ]
+        return open_frames(openings, [subject_of(name) for name in self.names], closed_below)
+
+
+def batches(
+    lengths: Sequence[int], batch_size: int, crop: int | None, rng: np.random.Generator
+) -> list[list[tuple[int, int, int]]]:
+    """One epoch of (clip, first frame, frames); the clips of a batch are cut to equal lengths.
+
+    Clips are shuffled, then sorted by length within stretches of 16 batches, so that a cut
+    loses little; batches come in random order.
+    """
+    order = rng.permutation(len(lengths))
+    stretch = 16 * batch_size
+    groups: list[list[int]] = []
+    for start in range(0, len(order), stretch):
+        near = sorted(order[start : start + stretch].tolist(), key=lambda i: lengths[i])
+        groups += [near[i : i + batch_size] for i in range(0, len(near), batch_size)]
+    epoch = []
+    for index in rng.permutation(len(groups)):
+        group = groups[index]
+        size = min(min(lengths[i] for i in group), crop or 2**31)
+        starts = [int(rng.integers(0, lengths[i] - size + 1)) for i in group]
+        epoch.append([(i, start, size) for i, start in zip(group, starts, strict=True)])
+    return epoch

@@ -1,0 +1,1 @@
+"""The demo head: mesh, colours, face units and its division into parts."""

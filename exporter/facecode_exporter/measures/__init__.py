@@ -1,0 +1,1 @@
+"""How motion is measured; knows nothing of training, data sets or files."""
