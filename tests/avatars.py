@@ -8,7 +8,7 @@ import numpy as np
 from small_faces import ball
 
 from facecode.writers.gltf.document import INDICES, VERTICES, Document, narrow
-from facecode_exporter.demo.face_units import FACE_UNITS
+from facecode_exporter.head.face_units import FACE_UNITS
 
 ARKIT = list(FACE_UNITS)
 PLACES = ("mesh", "primitive", "target", "accessor", "nowhere")

@@ -15,8 +15,8 @@ from conftest import SPEECH
 
 import facecode
 from facecode.clip import Rig
-from facecode_exporter.demo.face_units import FACE_UNITS
-from facecode_exporter.demo.head import load_head
+from facecode_exporter.head.face_units import FACE_UNITS
+from facecode_exporter.head.head import load_head
 
 HERE = Path(__file__).parent
 TIMEOUT_S = 300
