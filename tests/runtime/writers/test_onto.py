@@ -286,7 +286,7 @@ BROKEN = {
     "a mesh": (with_tree(meshes=[3]), "'meshes' is"),
     "primitives": (with_tree(meshes=[{"primitives": 1}]), "'primitives' is 1"),
     "negative mesh": (with_tree(nodes=[{"mesh": -1}]), "mesh of node 0 is -1"),
-    "true mesh": (with_tree(nodes=[{"mesh": True}]), "mesh of node 0 is True"),
+    "false mesh": (with_tree(nodes=[{"mesh": False}]), "mesh of node 0 is False"),
     "mesh too far": (with_tree(nodes=[{"mesh": 1}]), "mesh of node 0 is 1; there are 1"),
     "accessor": (
         with_tree(meshes=[{"primitives": [{"targets": [{"POSITION": -1}]}]}]),
@@ -374,7 +374,7 @@ def test_a_file_that_shrinks_while_it_is_copied(tmp_path, monkeypatch):
         return found
 
     monkeypatch.setattr(splice, "gather", cut)
-    with pytest.raises(OntoError, match="ended 40 bytes early"):
+    with pytest.raises(OntoError, match=r"^/.*ended 40 bytes early"):
         put(path)
 
 

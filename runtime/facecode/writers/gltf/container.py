@@ -1,6 +1,6 @@
 """The .glb container: a header, the JSON chunk, the binary chunk.
 
-Comes in: the JSON tree and the bytes of its first buffer, in pieces. Goes out: the file, front to
+Comes in: the JSON and the bytes of its first buffer, in pieces. Goes out: the file, front to
 back, without a seek. Knows nothing of what the JSON says.
 """
 
@@ -30,7 +30,7 @@ def padding(n_bytes: int) -> int:
 
 def write_container(
     file: BinaryIO,
-    tree: Tree,
+    text: bytes,
     pieces: Iterable[bytes],
     n_bytes: int,
     after: Iterable[bytes] = (),
@@ -40,7 +40,7 @@ def write_container(
 
     Args:
         file: open, binary; need not seek.
-        tree: the JSON.
+        text: the JSON.
         pieces: the binary chunk, one after the other.
         n_bytes: of all pieces.
         after: whole chunks of other kinds, to follow as they are.
@@ -49,7 +49,6 @@ def write_container(
     Raises:
         OutputWriteError: over 4 GiB.
     """
-    text = to_json(tree)
     text += b" " * padding(len(text))
     chunks = [(JSON_CHUNK, len(text), iter([text]))]
     if n_bytes:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facecode.arrays import AnyArray, Float32
-from facecode.writers.gltf.container import Tree, padding, write_container
+from facecode.writers.gltf.container import Tree, padding, to_json, write_container
 
 COMPONENT_TYPES = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
 TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
@@ -112,7 +112,7 @@ class Document:
             OutputWriteError: over 4 GiB.
         """
         self.tree["buffers"] = [{"byteLength": self.n_bytes}]
-        write_container(file, self.tree, self.pieces, self.n_bytes)
+        write_container(file, to_json(self.tree), self.pieces, self.n_bytes)
 
 
 def narrow(indices: NDArray[Any], n_vertices: int) -> NDArray[Any]:

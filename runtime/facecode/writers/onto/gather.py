@@ -165,7 +165,7 @@ def _beside(folder: Path, uri: str, what: str) -> Path:
     """
     name = unquote(uri)
     parts = re.split(r"[/\\]", name)
-    inside = parts[0] and ":" not in parts[0] and ".." not in parts and "\0" not in name
+    inside = parts[0] and ":" not in parts[0] and "\0" not in name
     try:
         path = folder.joinpath(*parts) if inside else folder
         inside = inside and path.resolve().is_relative_to(folder.resolve())

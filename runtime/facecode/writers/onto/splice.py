@@ -17,12 +17,12 @@ import numpy as np
 from facecode.arrays import Float32
 from facecode.errors import OntoError
 from facecode.writers.gltf.animation import Channel, add_animation
-from facecode.writers.gltf.container import Tree, write_container
+from facecode.writers.gltf.container import Tree, to_json, write_container
 from facecode.writers.gltf.document import Document
 from facecode.writers.onto.checked import number, part, rows, shown
 from facecode.writers.onto.gather import gather
 from facecode.writers.onto.report import MeshReport, OntoReport
-from facecode.writers.onto.source import blocks, read_source
+from facecode.writers.onto.source import Source, blocks, read_source
 from facecode.writers.onto.targets import MovedMesh, label_of, moved_meshes, node_labels
 
 ANIMATION = "facecode"
@@ -77,14 +77,25 @@ def onto(motion: Weighted, source: Path, file: BinaryIO) -> OntoReport:
     channels = _channels(read.tree, matched, names, np.asarray(motion.weights, np.float32))
     add_animation(document, title, motion.fps, channels)
     read.tree["buffers"][0]["byteLength"] = document.n_bytes
+    text = _json(read)
     pieces = blocks([*gathered.pieces, *document.pieces])
+    write_container(file, text, pieces, document.n_bytes, read.after.blocks(), read.after.length)
+    labels = node_labels(rows(read.tree, "nodes"))
+    return OntoReport(
+        source.name,
+        tuple(names),
+        tuple(_mesh_report(mesh, labels) for mesh in meshes),
+        title,
+        tuple(before),
+        tuple(gathered.moved),
+    )
+
+
+def _json(source: Source) -> bytes:
     try:
-        write_container(
-            file, read.tree, pieces, document.n_bytes, read.after.blocks(), read.after.length
-        )
+        return to_json(source.tree)
     except (ValueError, RecursionError) as error:
-        raise OntoError(f"the JSON of {source.name} cannot be written: {error}") from error
-    return _report(source, read.tree, meshes, names, title, before, gathered.moved)
+        raise OntoError(f"the JSON of {source.path.name} cannot be written: {error}") from error
 
 
 def _channels(
@@ -140,31 +151,13 @@ def _nothing_matched(source: Path, meshes: list[MovedMesh], units: list[str]) ->
     )
 
 
-def _report(
-    source: Path,
-    tree: Tree,
-    meshes: list[MovedMesh],
-    units: list[str],
-    title: str,
-    before: list[str],
-    moved_in: list[str],
-) -> OntoReport:
-    labels = node_labels(rows(tree, "nodes"))
-    told = [
-        MeshReport(
-            mesh.name,
-            tuple(labels[node] for node in mesh.nodes),
-            {
-                unit: tuple(mesh.targets[target] or f"target {target}" for target, _ in targets)
-                for unit, targets in mesh.moved.items()
-            },
-            tuple(
-                name or f"target {index}"
-                for index, name in enumerate(mesh.targets)
-                if index not in {t for targets in mesh.moved.values() for t, _ in targets}
-            ),
-            tuple(sorted(mesh.by_expression)),
-        )
-        for mesh in meshes
-    ]
-    return OntoReport(source.name, tuple(units), tuple(told), title, tuple(before), tuple(moved_in))
+def _mesh_report(mesh: MovedMesh, labels: list[str]) -> MeshReport:
+    names = [name or f"target {index}" for index, name in enumerate(mesh.targets)]
+    moving = {target for targets in mesh.moved.values() for target, _ in targets}
+    return MeshReport(
+        mesh.name,
+        tuple(labels[node] for node in mesh.nodes),
+        {unit: tuple(names[target] for target, _ in to) for unit, to in mesh.moved.items()},
+        tuple(name for index, name in enumerate(names) if index not in moving),
+        tuple(sorted(mesh.by_expression)),
+    )
