@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from avatars import ARKIT, Motion, avatar, container
 from gltf_clients import (
+    bpy_python,
     facecap,
     far,
     in_blender,
     in_chromium,
     in_three,
     longer,
+    node_modules,
     sentence,
     validated,
 )
@@ -68,6 +70,7 @@ def test_the_validator_finds_what_is_wrong(tmp_path):
 @pytest.mark.parametrize("seconds", [None, 60])
 @pytest.mark.parametrize("rig", [True, False])
 def test_the_packaged_sentence(tmp_path, rig, seconds):
+    node_modules(), bpy_python()
     clip = sentence() if seconds is None else longer(sentence(), seconds)
     clip = clip if rig else plain(clip)
     path = tmp_path / "talk.glb"
