@@ -28,6 +28,8 @@ FacecodeError
     OutputWriteError (OSError)         disk full, no permission
     NoFacesError (ValueError)          a surface of a face whose triangles are not known
     NoRigError (ValueError)            weights of a face whose units are not known
+  OntoError (ValueError)      an avatar that cannot be read, or has no unit of ours
+  AvatarNotFoundError (FileNotFoundError)
   MissingExtraError (ImportError)      an optional dependency is not installed
 
 Messages say what was got, what was expected and what to do next.
@@ -169,6 +171,14 @@ class NoRigError(OutputError, ValueError):
             f"{suffix} need face units (names and deltas (K, V, 3)), and this face has none: give "
             "them as `rig`, dataclasses.replace(clip, rig=facecode.Rig(names, deltas))"
         )
+
+
+class OntoError(FacecodeError, ValueError):
+    """The avatar cannot be read, or none of its shapes bears the name of a face unit."""
+
+
+class AvatarNotFoundError(FacecodeError, FileNotFoundError):
+    """No avatar at the given path."""
 
 
 class MissingExtraError(FacecodeError, ImportError):

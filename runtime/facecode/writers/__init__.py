@@ -21,10 +21,11 @@ from facecode.errors import (
     OutputWriteError,
 )
 from facecode.writers.format import Format
+from facecode.writers.glb import GLB
 from facecode.writers.mp4 import MP4
 from facecode.writers.npz import NPZ
 
-FORMATS: dict[str, Format] = {f.suffix: f for f in (NPZ, MP4)}
+FORMATS: dict[str, Format] = {f.suffix: f for f in (NPZ, MP4, GLB)}
 """By suffix, in the order in which they are shown to users."""
 
 
