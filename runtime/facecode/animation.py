@@ -35,6 +35,7 @@ class Animation(Clip):
             metres_per_unit=m.metres_per_unit,
             up_axis=m.up_axis,
             lip_pair=bundle.lip_pair,
+            rig=bundle.rig,
         )
 
     def save(self, path: str | os.PathLike[str], *, progress: bool = False) -> None:

@@ -13,7 +13,9 @@ import numpy as np
 
 from facecode.arrays import Colours, Faces, Indices, Template
 from facecode.bundle_files import load_array, load_optional_array, safe_path, verify_files
+from facecode.clip import Rig
 from facecode.errors import BundleNotFoundError, ManifestError, NewerBundleError
+from facecode.rig_file import read_rig
 from facecode.template import TemplateSource, load_template
 from facecode_spec.entries import PartEntry
 from facecode_spec.manifest import MANIFEST_NAME, Manifest, NewerFormatError
@@ -34,6 +36,7 @@ class Bundle:
     template: Template
     faces: Faces | None
     colours: Colours | None
+    rig: Rig | None = None
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Bundle:
@@ -54,7 +57,11 @@ class Bundle:
         template = load_array(root, manifest.template, (manifest.n_vertices, 3), np.float32)
         faces = load_optional_array(root, manifest.faces, (-1, 3), np.int32)
         colours = load_optional_array(root, manifest.colours, (manifest.n_vertices, 3), np.uint8)
-        bundle = cls(root, manifest, template, faces, colours)
+        rig = None
+        if manifest.rig is not None:
+            file = safe_path(root, manifest.rig.deltas)
+            rig = read_rig(file, manifest.rig.names, manifest.n_vertices)
+        bundle = cls(root, manifest, template, faces, colours, rig)
         bundle._check_parts()
         return bundle
 

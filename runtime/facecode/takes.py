@@ -45,6 +45,24 @@ class Takes:
         return np.stack([clip.codes for clip in self.clips])
 
     @property
+    def weights(self) -> Float32:
+        """(K, T, n_units) float32 weights of the rig's units; see `Clip.weights`.
+
+        Raises:
+            NoRigError
+        """
+        return np.stack([clip.weights for clip in self.clips])
+
+    @property
+    def weight_names(self) -> tuple[str, ...]:
+        """Names (n_units,) of the columns of `weights`.
+
+        Raises:
+            NoRigError
+        """
+        return self.clips[0].weight_names
+
+    @property
     def faces(self) -> Faces | None:
         """(F, 3) int32 triangles, where the bundle knows its topology."""
         return self.clips[0].faces

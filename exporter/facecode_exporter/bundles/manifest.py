@@ -11,6 +11,7 @@ import numpy as np
 
 from facecode.arrays import Faces
 from facecode.bundle_files import file_sha256
+from facecode.rig_file import write_rig
 from facecode_exporter.bundles.graph_set import SystemGraph, graph_set
 from facecode_exporter.bundles.neutral import Neutral
 from facecode_exporter.nets.cdface import Trained
@@ -21,6 +22,7 @@ from facecode_spec.manifest import (
     MANIFEST_NAME,
     Manifest,
     ModeEntry,
+    RigEntry,
     SourceEntry,
 )
 from facecode_spec.schema import PartSpec, SystemSpec
@@ -31,7 +33,7 @@ LICENCE = (
 )
 CODEBOOK, VERTICES = "codebook", "vertices"
 TEMPLATE = "template.npy"
-FACES, COLOURS = "faces.npy", "colours.npy"
+FACES, COLOURS, RIG = "faces.npy", "colours.npy", "rig.npz"
 DEFAULT_WINDOW = 8
 """Frames decoded at a step until the export has chosen a width."""
 DELAY = 30
@@ -55,6 +57,9 @@ def write_arrays(net: Trained, folder: Path, neutral: Neutral) -> None:
         np.save(folder / FACES, neutral.faces)
     if neutral.colours is not None:
         np.save(folder / COLOURS, neutral.colours)
+    if neutral.rig is not None:
+        with (folder / RIG).open("wb") as file:
+            write_rig(neutral.rig, file)
     for name, indices in neutral.regions.items():
         np.save(folder / _region_file(name), indices.astype(np.int32))
     for name, vertices in neutral.identities.items():
@@ -106,7 +111,7 @@ def manifest_of(
         regions={name: _region_file(name) for name in neutral.regions},
         lip_pair=neutral.lip_pair,
         identities={name: _identity_file(name) for name in neutral.identities},
-        rig=None,
+        rig=None if neutral.rig is None else RigEntry(neutral.rig.names, RIG),
         topology=None if neutral.faces is None else topology(neutral.faces),
         speech_encoder=graphs[0].entry,
         parts=tuple(_part_entry(system, part, graphs) for part in system.parts),

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from facecode.arrays import AnyArray, Colours, Faces, Indices
+from facecode.clip import Rig
 from facecode.template import load_template, read_mesh
 
 
@@ -29,6 +30,7 @@ class Neutral:
     """further templates (V, 3)"""
     parts: Mapping[str, Indices] = field(default_factory=dict)
     """vertex indices (n,) of each part of the face, for systems of several"""
+    rig: Rig | None = None
     given: bool = True
 
 

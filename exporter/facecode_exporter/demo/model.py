@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from facecode.clip import Rig
 from facecode_exporter.bundles.neutral import Neutral
 from facecode_exporter.bundles.writer import write_bundle
 from facecode_exporter.checkpoints import save_system
 from facecode_exporter.demo.coefficients import CorpusClips, MotionBasis, corpus_basis
 from facecode_exporter.demo.whisper_wheel import whisper_weights
+from facecode_exporter.head.face_units import FACE_UNITS
 from facecode_exporter.head.head import LIP_PAIR, Head, load_head
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training import recipes
@@ -143,4 +145,5 @@ def neutral_of(head: Head) -> Neutral:
         regions={name: indices.astype(np.int32) for name, indices in head.regions.items()},
         lip_pair=LIP_PAIR,
         identities=dict(others),
+        rig=Rig(tuple(FACE_UNITS), head.unit_offsets),
     )

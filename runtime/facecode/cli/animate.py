@@ -120,7 +120,9 @@ def _animate_one(args: argparse.Namespace, source: str) -> None:
     audio = io.BytesIO(sys.stdin.buffer.read()) if source == STANDARD_STREAM else Path(source)
     start = time.perf_counter()
     face = facecode.load(args.bundle, compute=compute_of(args))
-    writers.check_face(writers.format_of(output), face.bundle.faces is not None, False)
+    writers.check_face(
+        writers.format_of(output), face.bundle.faces is not None, face.bundle.rig is not None
+    )
     clip = face.animate(
         audio,
         parse_style(args.style),

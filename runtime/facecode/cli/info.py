@@ -31,6 +31,7 @@ def summary(bundle: Bundle) -> str:
         *(("mode", f"{name}: {_mode(entry)}") for name, entry in m.modes.items()),
         ("styles", ", ".join(m.styles)),
         ("template", f"{template}; faces {'yes' if m.faces else 'no'}"),
+        ("rig", "none" if m.rig is None else f"{len(m.rig.names)} face units"),
         ("precision", f"{m.precision}, opset {m.opset}"),
         ("parity", _parity(bundle)),
         ("verified", f"{len(sizes)} files, {_megabytes(sum(sizes.values()))}"),

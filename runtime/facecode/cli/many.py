@@ -33,7 +33,9 @@ def run_many(args: argparse.Namespace) -> int:
     _make_folder(args.out_dir)
     for output in outputs:
         writers.check_output(output)
-        writers.check_face(writers.format_of(output), face.bundle.faces is not None, False)
+        writers.check_face(
+            writers.format_of(output), face.bundle.faces is not None, face.bundle.rig is not None
+        )
     clips = facecode.animate_many(
         args.audio,
         style,
