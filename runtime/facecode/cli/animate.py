@@ -25,8 +25,9 @@ from facecode.cli.options import (
     parse_style,
     positive,
 )
-from facecode.errors import OutputFolderError
+from facecode.errors import OutputFolderError, OutputSuffixError, SampleError
 from facecode.takes import Takes
+from facecode.writers.onto import onto
 
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:
@@ -58,6 +59,13 @@ def _add_output(animate: argparse.ArgumentParser) -> None:
     where = animate.add_mutually_exclusive_group(required=True)
     where.add_argument(
         "-o", "--output", metavar="FILE", help=f"{', '.join(writers.FORMATS)}, or - (npz)"
+    )
+    animate.add_argument(
+        "--onto",
+        type=Path,
+        metavar="HEAD.glb",
+        help="write your own avatar (.glb, .gltf, .vrm with ARKit-named shapes) with the animation "
+        "added, as in -o talk.glb --onto my_head.glb",
     )
     where.add_argument(
         "--out-dir",
@@ -101,6 +109,8 @@ def run_animate(args: argparse.Namespace) -> int | None:
     """`facecode animate`."""
     by_part = {"lips": args.lips, "upper_face": args.upper_face}
     args.samples = parse_samples(args.samples, by_part)
+    if args.onto is not None:
+        _check_onto(args)
     if args.out_dir is not None:
         return run_many(args)
     if len(args.audio) != 1:
@@ -136,9 +146,28 @@ def _animate_one(args: argparse.Namespace, source: str) -> None:
     if to_stdout:
         _write_stdout(clip, output)
         return
-    clip.save(output, progress=not args.quiet)
+    if args.onto is not None:
+        _save_onto(clip, args.onto, output, args.quiet)
+    else:
+        clip.save(output, progress=not args.quiet)
     if not args.quiet:
         print(f"{output}: {_summary(clip)}, in {time.perf_counter() - start:.2f} s")
+
+
+def _check_onto(args: argparse.Namespace) -> None:
+    """Refuse `--onto` with what it does not go with, before the work is done."""
+    if args.out_dir is not None or Path(args.output).suffix.lower() != ".glb":
+        raise OutputSuffixError("--onto writes one .glb; give -o FILE.glb")
+    if args.samples is not None:
+        raise SampleError("--onto takes one face; leave --samples out")
+
+
+def _save_onto(clip: facecode.Animation | Takes, avatar: Path, output: Path, quiet: bool) -> None:
+    assert not isinstance(clip, Takes)
+    with writers.writing(output) as file:
+        report = onto(clip, avatar, file)
+    if not quiet:
+        print(report.describe())
 
 
 def _write_stdout(clip: facecode.Animation | Takes, output: Path) -> None:

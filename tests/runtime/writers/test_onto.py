@@ -407,3 +407,20 @@ def test_random_damage_never_gives_another_error(tmp_path):
             data[rng.integers(0, 20 + len(json.dumps(TREE)))] = rng.integers(0, 256)
         with contextlib.suppress(OntoError):
             onto(Motion(), saved(tmp_path, bytes(data)), io.BytesIO())
+
+
+def test_onto_on_the_command_line(tmp_path, capsys):
+    from conftest import SPEECH, TINY
+
+    from facecode.cli import main
+
+    out = str(tmp_path / "talk.npz")
+    assert main(["animate", str(SPEECH), "-o", out, "--onto", "head.glb"]) == 2
+    assert "give -o FILE.glb" in capsys.readouterr().err
+    out = str(tmp_path / "talk.glb")
+    args = ["animate", str(SPEECH), "-o", out, "--onto", str(tmp_path / "none.glb"), "--quiet"]
+    assert main([*args, "--bundle", str(TINY)]) == 2
+    assert "need face units" in capsys.readouterr().err
+    assert main([*args, "--mode", "window"]) == 2
+    assert "no avatar at" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
