@@ -65,6 +65,7 @@ class Aligner:
         first, last = sounding(audio)
         pcm = np.clip(audio[first:last] * 32767, -32768, 32767).astype(np.int16).tobytes()
         try:
+            self._decoder.reinit_feat()  # else noise levels of the recordings before stay
             self._decoder.set_align_text(" ".join(words))
             self._decode(pcm)
             self._decoder.set_alignment()

@@ -24,7 +24,7 @@ SUFFIXES = (".wav", ".flac")
 
 
 class PhoneAligner(Protocol):
-    """`facecode_exporter.demo.phones.Aligner`, or anything that places words like it."""
+    """`facecode_exporter.corpus.phones.Aligner`, or anything that places words like it."""
 
     def align(self, audio: Audio, text: str) -> list[Phone]:
         """Phones from 0 to the end of `audio` (16 kHz)."""

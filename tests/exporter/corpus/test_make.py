@@ -76,7 +76,7 @@ def test_voices_for_the_test_are_not_heard_in_training(corpus):
 
 def test_some_recordings_have_no_speech(monkeypatch):
     assert 0 < SHARE_WITHOUT_SPEECH < 0.2
-    monkeypatch.setattr("facecode_exporter.demo.utterance.SHARE_WITHOUT_SPEECH", 1.0)
+    monkeypatch.setattr("facecode_exporter.corpus.utterance.SHARE_WITHOUT_SPEECH", 1.0)
     for number in range(12):
         said = make_utterance((5, 0, number), "train", None, [], [])
         assert (said.text, said.voice, [p.name for p in said.phones]) == ("", NOBODY, ["SIL"])
