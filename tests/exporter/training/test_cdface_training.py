@@ -78,8 +78,8 @@ def test_deterministic_and_upper_face_first(data, tmp_path):
     files = train_all(data, tmp_path, ("upper-face", "lips"), *more)
     assert export(data, files, tmp_path / "bundle", *more) == 0
     face = facecode.load(tmp_path / "bundle")
-    assert [p.name for p in face.parts] == ["upper_face", "lips"]
-    assert [p.n_samples for p in face.parts] == [1, 1]
+    assert [p.name for p in face.engine.parts] == ["upper_face", "lips"]
+    assert [p.n_samples for p in face.engine.parts] == [1, 1]
     assert (tmp_path / "lips2" / "losses.csv").read_text().splitlines()[1].split(",")[1] == "0"
 
 
