@@ -4,8 +4,6 @@ face = facecode.load("bundle")
 face.animate("speech.wav").save("talk.npz")
 """
 
-from importlib.metadata import version
-
 from facecode.animation import Animation
 from facecode.animator import Animator
 from facecode.audio import AudioSource
@@ -19,7 +17,7 @@ from facecode.session import Compute
 from facecode.takes import Takes
 from facecode.template import TemplateSource
 
-__version__ = version("facecode")
+__version__ = "0.1.0"
 
 __all__ = [
     "Animation",

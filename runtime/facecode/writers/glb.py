@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -77,6 +76,8 @@ def document_of(clips: Sequence[Clip]) -> Document:
         NoFacesError: a clip has no triangles.
     """
     shapes = _units(clips) if clips[0].rig is not None else _components(clips)
+    from importlib.metadata import version
+
     asset = {"version": "2.0", "generator": f"facecode {version('facecode')}"}
     extras = {"fps": clips[0].fps, **shapes.notes}
     document = Document({"asset": asset | {"extras": extras}, "scene": 0})

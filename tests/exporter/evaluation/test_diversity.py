@@ -116,9 +116,9 @@ def test_drawn_faces_differ_and_without_tau_are_the_model(tiny, speech):
     animator = tiny
     audio, neutral = speech[0][:9000], animator.bundle.template
     want = animator.animate(audio).vertices
-    same = drawn_faces(drawing(animator, 0.0), audio, None, neutral, 2)
+    same = drawn_faces(animator, drawing(animator, 0.0), audio, None, neutral, 2)
     np.testing.assert_allclose(same, np.stack([want, want]), atol=1e-6)
-    first, second = drawn_faces(drawing(animator, 100.0), audio, None, neutral, 2)
+    first, second = drawn_faces(animator, drawing(animator, 100.0), audio, None, neutral, 2)
     assert not np.array_equal(first, second)
 
 
