@@ -2,8 +2,9 @@
 
 Weights are signed and symmetric, one scale per output channel; activations are unsigned, one scale
 per call, chosen while running. onnxruntime turns each product into one DynamicQuantizeMatMul.
-Signed weights need no reduced range where the processor multiplies u8 by s8 without saturating
-(VNNI, AMX, ARM dot product), and there have the fastest kernel.
+Signed weights have the fastest kernel where the processor multiplies u8 by s8 without saturating
+(VNNI, AMX, ARM dot product). Elsewhere the runtime asks onnxruntime for a slower product that is
+right, so the range of the weights need not be reduced (`facecode.session`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import onnxruntime as ort
 from onnx import TensorProto
 from onnxruntime.quantization import QuantType, quantize_dynamic
 
+from facecode.session import Compute, session_options
 from facecode_exporter.bundles.onnx_export import restore_halves, store_exact_halves
 from facecode_exporter.errors import IntegerKernelError
 
@@ -117,9 +119,8 @@ def integer_products(path: Path) -> int:
     """How many products onnxruntime runs on integers when it has loaded the graph file."""
     with tempfile.TemporaryDirectory() as folder:
         optimised = Path(folder) / "optimised.onnx"
-        options = ort.SessionOptions()
+        options = session_options(Compute(threads=1))
         options.optimized_model_filepath = str(optimised)
-        options.log_severity_level = 3
         ort.InferenceSession(path, options, providers=["CPUExecutionProvider"])
         nodes = onnx.load(optimised, load_external_data=False).graph.node
     return sum(node.op_type in INTEGER_OPERATORS for node in nodes)
