@@ -1,4 +1,4 @@
-"""The public CodeTalker YAML and a Hugging Face wav2vec2 config.json, to a SystemSpec."""
+"""The public CodeTalker YAML and a speech encoder's Hugging Face config.json, to a SystemSpec."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from transformers import Wav2Vec2Config
 
 from facecode_exporter.errors import ConfigError
-from facecode_exporter.nets.speech import samples_for
+from facecode_exporter.nets.speech import family_of, samples_for
 from facecode_spec.plain import SpecError
 from facecode_spec.schema import (
     CodebookSpec,
@@ -58,22 +57,24 @@ def system_from_config(config: Path, wav2vec2_config: Path | None = None) -> Sys
         )
     except SpecError as error:
         raise ConfigError(f"{config}: {error}") from error
-    return system if wav2vec2_config is None else with_wav2vec2(system, wav2vec2_config)
+    return system if wav2vec2_config is None else with_encoder_config(system, wav2vec2_config)
 
 
-def with_wav2vec2(system: SystemSpec, config: Path) -> SystemSpec:
+def with_encoder_config(system: SystemSpec, config: Path) -> SystemSpec:
     """`system` with the speech encoder of a Hugging Face config.json.
 
     Raises:
-        ConfigError: unreadable, or not a wav2vec2 configuration.
+        ConfigError: unreadable, or of another family than the speech encoder of `system`.
     """
+    family = family_of(system).hugging_face
+    kind = family.model_type
     try:
         given = json.loads(_read(config))
     except ValueError as error:
         raise ConfigError(f"{config}: not JSON: {error}") from error
-    if not isinstance(given, dict) or given.get("model_type", "wav2vec2") != "wav2vec2":
-        raise ConfigError(f"{config}: expected a Hugging Face configuration of type wav2vec2")
-    defaults = Wav2Vec2Config().to_dict()
+    if not isinstance(given, dict) or given.get("model_type", kind) != kind:
+        raise ConfigError(f"{config}: expected a Hugging Face configuration of type {kind}")
+    defaults = family().to_dict()
     architecture = {
         key: value
         for key, value in given.items()

@@ -4,7 +4,7 @@ import pytest
 import yaml
 from conftest import DATA
 
-from facecode_exporter.config import system_from_config, with_wav2vec2
+from facecode_exporter.config import system_from_config, with_encoder_config
 from facecode_exporter.errors import ConfigError
 from facecode_spec.systems import SYSTEMS
 
@@ -84,7 +84,7 @@ def test_wav2vec2_config_keeps_what_differs(tmp_path):
             "num_hidden_layers": 4, "transformers_version": "4.6.1", "gradient_checkpointing": True,
         })
     )  # fmt: skip
-    system = with_wav2vec2(SYSTEMS["codetalker-biwi"], file)
+    system = with_encoder_config(SYSTEMS["codetalker-biwi"], file)
     assert system.speech_encoder.architecture == {"num_hidden_layers": 4}
     assert system.speech_encoder.min_samples == 720
 
@@ -94,4 +94,4 @@ def test_other_json(tmp_path, text):
     file = tmp_path / "config.json"
     file.write_text(text)
     with pytest.raises(ConfigError):
-        with_wav2vec2(SYSTEMS["codetalker-biwi"], file)
+        with_encoder_config(SYSTEMS["codetalker-biwi"], file)

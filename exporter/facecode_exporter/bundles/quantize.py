@@ -26,11 +26,9 @@ from facecode_exporter.errors import IntegerKernelError
 INTEGER_OPERATORS = frozenset(("DynamicQuantizeMatMul", "MatMulIntegerToFloat", "MatMulInteger"))
 SMALLEST_QUANTISED = 1 << 12
 """Weights below this many numbers stay float32: nothing would be gained."""
-KEPT_FLOAT = ("log_mel.filters",)
-"""Weights that stay float32 whatever their size: power spectra span ten decades."""
 
 
-def quantise_file(path: Path, kept_float: Sequence[str] = KEPT_FLOAT) -> None:
+def quantise_file(path: Path, kept_float: Sequence[str] = ()) -> None:
     """Replace a float32 graph file by its int8 form.
 
     Args:

@@ -27,6 +27,7 @@ from facecode_exporter.bundles.onnx_export import export_graph
 from facecode_exporter.bundles.parity_cases import parity_cases
 from facecode_exporter.bundles.quantize import quantise_file
 from facecode_exporter.nets.cdface import Trained
+from facecode_exporter.nets.speech import family_of
 from facecode_exporter.output_folder import replacing
 from facecode_spec.manifest import MANIFEST_NAME, Manifest, ParityReport
 
@@ -84,7 +85,7 @@ def _quantise(
         DeviationError
     """
     for graph in graph_set(manifest.system):
-        quantise_file(folder / graph.file)
+        quantise_file(folder / graph.file, family_of(manifest.system).kept_float)
     manifest = replace(manifest, precision="int8", files=files_of(folder))
     _write_manifest(folder, manifest)
     animator = Animator(Bundle.open(folder))

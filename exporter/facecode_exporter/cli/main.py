@@ -179,17 +179,25 @@ def _add_checkpoints(parser: argparse.ArgumentParser, system_required: bool) -> 
     which.add_argument("--system", choices=sorted(SYSTEMS), help="a published system")
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
     parser.add_argument(
-        "--wav2vec2-config", type=Path, metavar="JSON", help="Hugging Face config.json (base)"
+        "--wav2vec2-config",
+        "--speech-encoder-config",
+        type=Path,
+        metavar="JSON",
+        help="the speech encoder's Hugging Face config.json (default: the published one)",
     )
 
 
 def _system(args: argparse.Namespace) -> SystemSpec:
-    from facecode_exporter.config import system_from_config, with_wav2vec2
+    from facecode_exporter.config import system_from_config, with_encoder_config
 
     if args.config is not None:
         return system_from_config(args.config, args.wav2vec2_config)
     system = SYSTEMS[args.system]
-    return system if args.wav2vec2_config is None else with_wav2vec2(system, args.wav2vec2_config)
+    return (
+        system
+        if args.wav2vec2_config is None
+        else with_encoder_config(system, args.wav2vec2_config)
+    )
 
 
 def _case(args: argparse.Namespace, animator: Animator) -> Case:

@@ -35,7 +35,11 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     which.add_argument("--system", choices=sorted(LAYOUT_OF), help="a published system")
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
     train.add_argument(
-        "--wav2vec2-config", type=Path, metavar="JSON", help="Hugging Face config.json (base)"
+        "--wav2vec2-config",
+        "--speech-encoder-config",
+        type=Path,
+        metavar="JSON",
+        help="the speech encoder's Hugging Face config.json (default: the published one)",
     )
     train.add_argument("--out", type=Path, required=True, metavar="RUN", help="the run's folder")
     train.add_argument("--stage1", type=Path, metavar="FILE", help="the trained stage 1")
@@ -118,9 +122,10 @@ def _train_codetalker(
     """One stage of a system of one part; gives the checkpoint that it wrote."""
     from facecode_exporter.checkpoints import save_stage2
     from facecode_exporter.data.clips import FolderClips
+    from facecode_exporter.nets.speech import family_of
     from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
     from facecode_exporter.training import recipes
-    from facecode_exporter.training.speech_weights import load_wav2vec2
+    from facecode_exporter.training.speech_weights import load_pretrained
 
     clips = (
         FolderClips(args.data, layout, "train", system.n_vertices),
@@ -132,7 +137,8 @@ def _train_codetalker(
         net = recipes.seeded(config, lambda: VQAutoencoder(system.parts[0], system.n_vertices))
         return recipes.train_prior(net, clips, config, out, progress)
     folder = args.speech_encoder
-    load = None if folder is None else lambda encoder: load_wav2vec2(encoder, folder)
+    family = family_of(system)
+    load = None if folder is None else lambda encoder: load_pretrained(encoder, family, folder)
     trained = recipes.train_codetalker(system, args.stage1, clips, config, out, load, progress)
     save_stage2(trained, trained.audio_encoder, out / recipes.STAGE2_FILE)
     return out / recipes.STAGE2_FILE

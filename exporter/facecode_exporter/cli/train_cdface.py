@@ -18,11 +18,12 @@ from facecode_exporter.errors import RunError
 from facecode_exporter.face_parts import variant
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
+from facecode_exporter.nets.speech import family_of
 from facecode_exporter.training import recipes
 from facecode_exporter.training.config import TrainingConfig, cdface_defaults, stage1_defaults
 from facecode_exporter.training.diverse_losses import DiverseLosses
 from facecode_exporter.training.query import start_from_one
-from facecode_exporter.training.speech_weights import load_wav2vec2
+from facecode_exporter.training.speech_weights import load_pretrained
 from facecode_spec.schema import SystemSpec
 
 
@@ -64,7 +65,7 @@ def _load(args: argparse.Namespace, net: CDFace, config: TrainingConfig) -> None
         load_part(first, *args.earlier)
         load_encoder(net.audio_encoder, args.earlier[1])
     elif args.speech_encoder is not None:
-        load_wav2vec2(net.audio_encoder, args.speech_encoder)
+        load_pretrained(net.audio_encoder, family_of(net.system), args.speech_encoder)
     if args.start is not None:
         _start(args, net, part, config)
 

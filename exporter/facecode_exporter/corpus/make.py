@@ -48,7 +48,7 @@ from facecode_exporter.corpus.utterance import (
 from facecode_exporter.corpus.voices import SOURCES, Voice, available_voices
 from facecode_exporter.errors import CorpusError
 from facecode_exporter.head.head import PACKAGED
-from facecode_exporter.measures.lip_sync_counts import LipSync, count_lip_sync
+from facecode_exporter.measures.lip_sync import LipSync, count_lip_sync
 
 PACKAGES = ("hibari-tts", "pocketsphinx", "numpy", "scipy", "soxr", "onnxruntime")
 LICENCES = {

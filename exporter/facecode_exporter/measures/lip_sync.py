@@ -1,19 +1,20 @@
-"""Lip sync without captured motion, in shares of the clip's own full opening.
+"""Lip sync without captured motion: do lips close, open and rest as the sounds demand?
 
 Comes in: the mouth opening per frame and the phones of the same recording. Goes out: verdicts and
 shares. Knows nothing of audio, bundles or files.
 
 One grid for all: frame t is shown at t / fps seconds, and a phone owns the frames from its start to
 its end, both included. Frames before the first and after the last do not exist: a phone that keeps
-no frame inside the clip is not judged and counts nowhere. All thresholds are shares of the clip's
-own full opening, so that small articulation is not penalised.
+no frame inside the clip is not judged and counts nowhere. `closures`, `openings` and `rests` judge
+any face, in shares of the clip's own full opening, so that small articulation is not penalised;
+`count_lip_sync` counts the three on a head whose size is known, in metres.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 import numpy as np
@@ -26,6 +27,11 @@ FULL_PERCENTILE = 95.0
 SHORTEST_CLOSURE_S, SHORTEST_OPENING_S, SHORTEST_SILENCE_S = 0.04, 0.06, 0.3
 SETTLE_S = 0.15  # at either end of a silence, in which the mouth may still move
 CHANCE_STEP = 5
+CLOSED_M = 0.5e-3  # at most this much wider than at rest
+OPEN_M = 1.5e-3  # at least this much wider than at rest; mumbled vowels open by 2.8 mm or more
+RESTING_M = 1.0e-3
+AROUND_S = 0.05  # motion leads sound, and phone times are 12 ms off on average
+FADE_S = 0.12  # of a silence of known size, at either end, in which the mouth may still move
 _GRID_S = 1e-6  # times are decimal, frames binary: 0.1 s at 30 fps is frame 3
 
 
@@ -36,6 +42,30 @@ class Verdict:
     phone: Phone
     opening: float
     met: bool
+
+
+@dataclass(frozen=True)
+class LipSync:
+    """How many of the P B M closed, the open vowels opened, and the silences rested."""
+
+    n_closures: int = 0
+    closed: int = 0
+    n_openings: int = 0
+    opened: int = 0
+    n_rests: int = 0
+    rested: int = 0
+
+    def __add__(self, other: LipSync) -> LipSync:
+        names = [field.name for field in fields(self)]
+        return LipSync(**{n: getattr(self, n) + getattr(other, n) for n in names})
+
+    def __str__(self) -> str:
+        pairs = (
+            ("P B M closed", self.closed, self.n_closures),
+            ("open vowels open", self.opened, self.n_openings),
+            ("at rest in silence", self.rested, self.n_rests),
+        )
+        return ", ".join(f"{what} {_percent(k, n)} of {n}" for what, k, n in pairs)
 
 
 Judge: TypeAlias = "Callable[[Iterable[Phone], Float32, float], list[Verdict]]"
@@ -148,6 +178,34 @@ def chance(judge: Judge, phones: Sequence[Phone], relative: Float32, fps: float)
     return float(np.mean(defined)) if defined else None
 
 
+def count_lip_sync(phones: Iterable[Phone], opening: Float32, rest: float, fps: float) -> LipSync:
+    """Count over one clip.
+
+    Args:
+        phones: of the clip, from 0 to its end.
+        opening: (T,) metres between the lips, frame t at t / fps seconds.
+        rest: metres between the lips of the neutral face.
+        fps: frames per second of `opening`.
+    """
+    wider = opening - rest
+
+    def during(start_s: float, end_s: float) -> Float32:
+        return wider[frames(start_s, end_s, fps, len(wider))]
+
+    total = LipSync()
+    for name, start_s, end_s in phones:
+        around = during(start_s - AROUND_S, end_s + AROUND_S)
+        if name in LIPS_TOGETHER and len(around):
+            total += LipSync(n_closures=1, closed=int(around.min() <= CLOSED_M))
+        elif name in OPEN_VOWELS and len(around):
+            total += LipSync(n_openings=1, opened=int(around.max() >= OPEN_M))
+        elif name == SILENCE and end_s - start_s >= SHORTEST_SILENCE_S:
+            inside = during(start_s + FADE_S, end_s - FADE_S)
+            if len(inside):
+                total += LipSync(n_rests=1, rested=int(np.median(inside) <= RESTING_M))
+    return total
+
+
 def frames(start_s: float, end_s: float, fps: float, n_frames: int, around: int = 0) -> slice:
     """Frames t with start_s <= t / fps <= end_s, and `around` more at either end, in the clip."""
     first = _first_frame(start_s, fps) - around
@@ -177,3 +235,7 @@ def _judged(
                 yield Verdict(phone, opening, meets(opening))
 
     return list(judge())
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.1f} %" if whole else "-"

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from facecode_exporter.nets.sinusoid import sinusoid
-from facecode_exporter.nets.speech import FAMILIES
+from facecode_exporter.nets.speech import family_of
 from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
 from facecode_spec.schema import PartSpec, SystemSpec
 
@@ -50,8 +50,8 @@ class PartNet(nn.Module):
         self.system, self.part = system, part
         decoder, (book, _) = part.cross_modal_decoder, part.prior
         self.n_vertices = system.vertices_of(part)
-        family = FAMILIES[system.speech_encoder.family]
-        self.audio_feature_map = nn.Linear(family.width_of(system.speech_encoder), decoder.dim)
+        width = family_of(system).width_of(system.speech_encoder)
+        self.audio_feature_map = nn.Linear(width, decoder.dim)
         self.vertice_map = nn.Linear(3 * self.n_vertices, decoder.dim)
         layer = nn.TransformerDecoderLayer(
             decoder.dim, decoder.n_heads, decoder.dim_feedforward, dropout=0.0, batch_first=True

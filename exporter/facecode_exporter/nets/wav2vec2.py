@@ -6,14 +6,17 @@ Knows nothing about files, nor about what reads the memory.
 
 from __future__ import annotations
 
+import copy
+from pathlib import Path
 from typing import Any, cast
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.utils.parametrize import remove_parametrizations
 from transformers import Wav2Vec2Config, Wav2Vec2Model
 
 from facecode_exporter.nets.frame_grid import to_frames
+from facecode_exporter.nets.segmented_convolutions import SegmentedConvolutions
 from facecode_spec.schema import SpeechEncoderSpec
 
 
@@ -22,6 +25,10 @@ class Wav2Vec2(Wav2Vec2Model):  # type: ignore[misc]
 
     The weight norm of the positional convolution is folded: `conv.weight` is the product.
     """
+
+    hugging_face = Wav2Vec2Config
+    frozen = ("feature_extractor.",)
+    kept_float = ()
 
     def __init__(self, spec: SpeechEncoderSpec, fps: float) -> None:
         config = Wav2Vec2Config(**spec.architecture, attn_implementation="eager")
@@ -64,3 +71,18 @@ class Wav2Vec2(Wav2Vec2Model):  # type: ignore[misc]
     def width_of(spec: SpeechEncoderSpec) -> int:
         """Width of a memory row."""
         return cast(int, Wav2Vec2Config(**spec.architecture).hidden_size)
+
+    @staticmethod
+    def pretrained(folder: Path) -> dict[str, Tensor]:
+        """The weights of a Hugging Face folder, under the names of this module."""
+        source = Wav2Vec2Model.from_pretrained(folder, local_files_only=True)
+        remove_parametrizations(source.encoder.pos_conv_embed.conv, "weight")
+        return dict(source.state_dict())
+
+    @staticmethod
+    def for_export(encoder: nn.Module) -> nn.Module:
+        """`encoder`, sharing its weights, with convolutions that run in segments."""
+        shared = {id(t): t for t in (*encoder.parameters(), *encoder.buffers())}
+        own = copy.deepcopy(cast(Wav2Vec2, encoder), shared)
+        own.feature_extractor = SegmentedConvolutions(own.feature_extractor.conv_layers)
+        return own

@@ -7,12 +7,13 @@ Unlike the published use there is no padding to 30 s: positions are cut, or go o
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
-from transformers import WhisperConfig
+from transformers import WhisperConfig, WhisperModel
 from transformers.audio_utils import mel_filter_bank
 from transformers.models.whisper.modeling_whisper import WhisperEncoderLayer
 
@@ -54,6 +55,10 @@ class LogMel(nn.Module):
 
 class Whisper(nn.Module):
     """Whisper's encoder on clips of any length, resampled to the frames of the motion."""
+
+    hugging_face = WhisperConfig
+    frozen = ("conv1.", "conv2.")
+    kept_float = ("log_mel.filters",)  # power spectra span ten decades
 
     def __init__(self, spec: SpeechEncoderSpec, fps: float) -> None:
         super().__init__()
@@ -97,6 +102,17 @@ class Whisper(nn.Module):
     def width_of(spec: SpeechEncoderSpec) -> int:
         """Width of a memory row."""
         return cast(int, _config(spec).d_model)
+
+    @staticmethod
+    def pretrained(folder: Path) -> dict[str, Tensor]:
+        """The weights of a Hugging Face folder, under the names of this module."""
+        state = WhisperModel.from_pretrained(folder, local_files_only=True).encoder.state_dict()
+        return {k: v for k, v in state.items() if not k.startswith("embed_positions.")}
+
+    @staticmethod
+    def for_export(encoder: nn.Module) -> nn.Module:
+        """`encoder` as it is."""
+        return encoder
 
 
 def _config(spec: SpeechEncoderSpec) -> Any:  # noqa: ANN401

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from facecode.audio import normalise
 from facecode_exporter.data.clips import Clips
-from facecode_exporter.nets.speech import n_frames
+from facecode_exporter.nets.speech import family_of, n_frames
 from facecode_spec.schema import SystemSpec
 
 
@@ -17,11 +17,11 @@ class SpeechRows:
     def __init__(
         self, system: SystemSpec, encoder: nn.Module, splits: dict[str, Clips], trained: bool
     ) -> None:
-        """Freeze the encoder, or train its transformer; its convolutions stay frozen."""
+        """Freeze the encoder, or train all of it but what its family keeps frozen."""
         self.system, self.encoder, self.splits, self.trained = system, encoder, splits, trained
         encoder.requires_grad_(trained)
         for name, parameter in encoder.named_parameters():
-            if "conv" in name and "pos_conv" not in name:
+            if name.startswith(family_of(system).frozen):
                 parameter.requires_grad_(False)
         self.lengths = {split: self._frames(clips) for split, clips in splits.items()}
         self._kept: dict[tuple[str, int], Tensor] = {}

@@ -12,7 +12,7 @@ from facecode_exporter.corpus.visemes import ALIKE, DIPHTHONGS, VISEMES, VOWELS,
 from facecode_exporter.errors import AlignmentError
 from facecode_exporter.head.face_units import UNIT
 from facecode_exporter.head.head import load_head
-from facecode_exporter.measures.lip_sync_counts import count_lip_sync
+from facecode_exporter.measures.lip_sync import count_lip_sync
 from facecode_exporter.measures.phone import SILENCE, Phone
 
 ARPABET = {*VOWELS, SILENCE}.union(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from facecode_exporter.measures.lip_sync_counts import LipSync, count_lip_sync
+from facecode_exporter.measures.lip_sync import LipSync, count_lip_sync
 from facecode_exporter.measures.phone import Phone
 
 PHONES = [Phone("SIL", 0, 1), Phone("M", 1, 1.2), Phone("AA", 1.2, 1.6), Phone("SIL", 1.6, 2.6)]

@@ -5,7 +5,6 @@ import dataclasses
 import pytest
 import torch
 
-from facecode_exporter.bundles.speech_view import with_segments
 from facecode_exporter.nets.wav2vec2 import Wav2Vec2
 from facecode_spec.systems import SYSTEMS
 
@@ -33,18 +32,18 @@ def test_features_are_those_of_one_pass(encoder, n_samples):
     audio = torch.randn(2, n_samples, generator=torch.Generator().manual_seed(n_samples))
     audio[1] = audio[1] / 100 + 0.5  # a quiet clip with an offset
     want = encoder.feature_extractor(audio)
-    got = with_segments(encoder).feature_extractor(audio)
+    got = Wav2Vec2.for_export(encoder).feature_extractor(audio)
     torch.testing.assert_close(got, want, rtol=1e-4, atol=2e-5)
 
 
 @torch.no_grad()
 def test_silence_gives_numbers(encoder):
     silence = torch.zeros(1, 1600)
-    got = with_segments(encoder).feature_extractor(silence)
+    got = Wav2Vec2.for_export(encoder).feature_extractor(silence)
     torch.testing.assert_close(got, encoder.feature_extractor(silence), rtol=1e-4, atol=2e-5)
 
 
 def test_the_network_keeps_its_layers(encoder):
     layers = list(encoder.feature_extractor.conv_layers)
-    assert with_segments(encoder) is not encoder
+    assert Wav2Vec2.for_export(encoder) is not encoder
     assert list(encoder.feature_extractor.conv_layers) == layers
