@@ -85,8 +85,8 @@ def load_encoder(encoder: nn.Module, stage2: Path) -> None:
     """
     state = read_state(stage2)
     _fold_weight_norm(state)
-    heard = {k: v for k, v in state.items() if k.startswith(AUDIO)}
-    if problems := fill(encoder, heard, f"stage 2, {stage2}", prefix=AUDIO):
+    weights = {k: v for k, v in state.items() if k.startswith(AUDIO)}
+    if problems := fill(encoder, weights, f"stage 2, {stage2}", prefix=AUDIO):
         raise CheckpointError(listed(problems))
 
 

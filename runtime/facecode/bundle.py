@@ -69,10 +69,10 @@ class Bundle:
         """Refuse parts that leave a vertex out, or move it twice."""
         everything = np.arange(self.manifest.n_vertices)
         parts = [self.part_vertices(part) for part in self.manifest.parts]
-        moved = np.concatenate([everything if p is None else p for p in parts])
-        if not np.array_equal(np.sort(moved), everything):
+        covered = np.concatenate([everything if p is None else p for p in parts])
+        if not np.array_equal(np.sort(covered), everything):
             raise ManifestError(
-                f"the parts of {self.root} do not move every vertex once ({len(moved)} indices "
+                f"the parts of {self.root} do not move every vertex once ({len(covered)} indices "
                 f"for {len(everything)} vertices); export it again"
             )
 

@@ -15,8 +15,8 @@ class PublicAlgorithm:
     """Every part of the face one after the other, its whole prefix again at every step."""
 
     def __init__(self, net: Trained, speech: Audio) -> None:
-        heard = normalise(speech) if net.system.speech_encoder.normalise else speech
-        self._net, self._audio = net, torch.from_numpy(heard)[None]
+        audio = normalise(speech) if net.system.speech_encoder.normalise else speech
+        self._net, self._audio = net, torch.from_numpy(audio)[None]
         self._memories = self.encode()
         rows = net.system.speech_encoder.memory_rows_per_frame
         self.n_frames = self._memories[0].shape[1] // rows
@@ -24,8 +24,8 @@ class PublicAlgorithm:
     @torch.no_grad()
     def encode(self) -> list[Tensor]:
         """The cross-attention memory of every part."""
-        heard = self._net.audio_encoder(self._audio)
-        return [part.audio_feature_map(heard) for part in self._net.part_nets]
+        encoded = self._net.audio_encoder(self._audio)
+        return [part.audio_feature_map(encoded) for part in self._net.part_nets]
 
     @torch.no_grad()
     def step(self, n_prefix: int) -> None:

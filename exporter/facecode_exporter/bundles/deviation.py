@@ -48,10 +48,12 @@ def deviation(animator: Animator, truth: Motion, motion: Motion) -> Deviation:
     """How far `motion` is from `truth`; without known lips all vertices count as such."""
     known = "lips" in animator.manifest.regions
     lips = animator.bundle.region("lips") if known else np.arange(animator.manifest.n_vertices)
-    moved = lip_vertex_error(np.zeros_like(truth.offsets), truth.offsets, lips)
-    apart = lip_vertex_error(motion.offsets, truth.offsets, lips)
+    motion_size = lip_vertex_error(np.zeros_like(truth.offsets), truth.offsets, lips)
+    error = lip_vertex_error(motion.offsets, truth.offsets, lips)
     agreement = float((motion.codes == truth.codes).mean())
-    return Deviation(len(truth.codes), agreement, float(apart / moved) if moved else 0.0)
+    return Deviation(
+        len(truth.codes), agreement, float(error / motion_size) if motion_size else 0.0
+    )
 
 
 def choose_window(animator: Animator, exact: Motion) -> ModeEntry:

@@ -73,8 +73,8 @@ class ResumedAttention(nn.Module):
 
     def split(self, x: Tensor, n: int) -> tuple[Tensor, ...]:
         """`n` tensors side by side, (B, m, n E), to each of them (1, B, heads, m, head width)."""
-        apart: Tensor = x.unflatten(-1, (n, self.n_heads, -1))
-        return cast("tuple[Tensor, ...]", apart.permute(2, 0, 3, 1, 4).split(1))
+        heads: Tensor = x.unflatten(-1, (n, self.n_heads, -1))
+        return cast("tuple[Tensor, ...]", heads.permute(2, 0, 3, 1, 4).split(1))
 
     def forward(self, query: Tensor, key: Tensor, value: Tensor, past: Past) -> Tensor:
         """Queries (1, B, heads, m, w), own keys and values (1, B, heads, n, w) to (B, m, E)."""

@@ -88,16 +88,16 @@ def compare_clip(
     want = np.concatenate([p.codes.numpy() for p in truth.values()], axis=-1)
     if codes.shape != want.shape:
         raise ParityError(f"torch gives codes {want.shape}, the runtime {codes.shape}")
-    moved = np.empty_like(offsets)
+    expected = np.empty_like(offsets)
     for part in engine.parts:
         own = slice(None) if part.vertices is None else part.vertices
-        moved[:, :, own] = truth[part.name].offsets.numpy()
+        expected[:, :, own] = truth[part.name].offsets.numpy()
     chosen = [p for p in net.part_nets if p.part.name not in case.hold]
     return ParityCase(
         n_frames=codes.shape[1],
         n_codes=codes.size,
         n_codes_equal=int((codes == want).sum()),
-        max_vertex_error=_max_difference(moved, offsets),
+        max_vertex_error=_max_difference(expected, offsets),
         min_code_margin=min(
             min_code_margin(truth[p.part.name], p.autoencoder.quantize) for p in chosen
         ),

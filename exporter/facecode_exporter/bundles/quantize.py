@@ -41,6 +41,7 @@ def quantise_file(path: Path, kept_float: Sequence[str] = ()) -> None:
     model = onnx.load(path)
     restore_halves(model.graph)
     _split_gemms(model.graph)
+    _split_weights(model.graph)
     weights = {t.name: t for t in model.graph.initializer}
     left_out = [
         node.name
@@ -111,6 +112,24 @@ def _split_gemms(graph: onnx.GraphProto) -> None:
             )
     graph.ClearField("node")
     graph.node.extend(nodes)
+
+
+def _split_weights(graph: onnx.GraphProto) -> None:
+    """Give each product a weight of its own: equal layers, as fresh ones are, share theirs.
+
+    onnxruntime changes the sign of weights for some processors, and fails at the second time.
+    """
+    weights = {t.name: t for t in graph.initializer}
+    taken = set()
+    for node in graph.node:
+        if node.op_type != "MatMul" or node.input[1] not in weights:
+            continue
+        if node.input[1] in taken:
+            own = graph.initializer.add()
+            own.CopyFrom(weights[node.input[1]])
+            own.name = f"{node.name}.weight"
+            node.input[1] = own.name
+        taken.add(node.input[1])
 
 
 def integer_products(path: Path) -> int:

@@ -215,8 +215,8 @@ def _write_clip(
     soundfile.write(sound, utterance.audio, SAMPLE_RATE, format="FLAC", subtype="PCM_16")
     np.save(labels, weights)
     _write(clip_path(out, "wav", name), sound.getvalue())
-    heard = {"voice": utterance.voice, "phones": utterance.phones}
-    _write_json(clip_path(out, "phones", name), heard, indent=None)
+    about = {"voice": utterance.voice, "phones": utterance.phones}
+    _write_json(clip_path(out, "phones", name), about, indent=None)
     _write(clip_path(out, "text", name), f"{utterance.text}\n".encode())
     _write(clip_path(out, "weights", name), labels.getvalue())
 

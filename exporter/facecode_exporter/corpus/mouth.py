@@ -71,8 +71,8 @@ def _target(phone: Phone, loudness: Float32, style: Style, fps: float) -> Float3
     gain[_PARTS[LIPS]] = style.lips
     gain[_PARTS[JAW]] = style.jaw
     if phone.name in VOWELS:
-        heard = loudness[round(phone.start_s * fps) : round(phone.end_s * fps) + 1]
-        level = float(np.quantile(heard, 0.75)) if len(heard) else TYPICAL_DB
+        levels = loudness[round(phone.start_s * fps) : round(phone.end_s * fps) + 1]
+        level = float(np.quantile(levels, 0.75)) if len(levels) else TYPICAL_DB
         gain[_PARTS[JAW]] *= np.clip(1 + (level - TYPICAL_DB) / 25, 0.65, 1.2)
     return VISEMES[phone.name].shape * gain
 

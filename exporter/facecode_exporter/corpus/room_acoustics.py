@@ -32,14 +32,14 @@ BREATH_DB = (-45.0, -22.0)  # against full scale, which voices nearly reach
 
 def recorded(clean: Audio, rng: np.random.Generator) -> Audio:
     """As a microphone in some room would hear `clean` (n,): (n,) in [-1, 1]."""
-    heard = np.asarray(clean, np.float64)
+    sound = np.asarray(clean, np.float64)
     if rng.random() < SHARE_WITH_ECHO:
-        heard = heard + _echo(heard, rng)
+        sound = sound + _echo(sound, rng)
     if rng.random() < SHARE_WITH_TILT:
-        heard = _tilted(heard, rng.uniform(*TILT_DB))
+        sound = _tilted(sound, rng.uniform(*TILT_DB))
     level, noise = 10 ** (rng.uniform(*LEVEL_DB) / 20), 10 ** (rng.uniform(*NOISE_DB) / 20)
-    scaled = heard * (level / max(float(np.abs(heard).max()), 1e-3))
-    noisy = scaled + noise * level * _noise(len(heard), rng)
+    scaled = sound * (level / max(float(np.abs(sound).max()), 1e-3))
+    noisy = scaled + noise * level * _noise(len(sound), rng)
     return np.asarray(np.clip(noisy, -1, 1), np.float32)
 
 
@@ -52,9 +52,9 @@ def with_breath(pause: Audio, rng: np.random.Generator) -> Audio:
     first = int(rng.integers(len(pause) - n, endpoint=True))
     swell = np.sin(np.linspace(0, np.pi, n)) ** 2
     breath = 10 ** (level_db / 20) * swell * _noise(n, rng)
-    heard = pause.copy()
-    heard[first : first + n] += breath.astype(np.float32)
-    return np.asarray(heard)
+    sound = pause.copy()
+    sound[first : first + n] += breath.astype(np.float32)
+    return np.asarray(sound)
 
 
 def gated(audio: Audio, pauses: Iterable[tuple[float, float]]) -> Audio:

@@ -122,13 +122,13 @@ def _brow_raises(
 
 def _stress(vowels: Sequence[Phone], loudness: Float32, pitch: Float32, times: Float32) -> Float32:
     """(n_vowels,) in standard deviations: 1 semitone counts like 1 dB."""
-    heard = []
+    scores = []
     for vowel in vowels:
         during = (times >= vowel.start_s) & (times <= vowel.end_s + times[1])
         high = pitch[during][np.isfinite(pitch[during])]
         loud = loudness[during].max() if during.any() else -60.0
-        heard.append(loud + (high.max() if len(high) else 0.0))
-    values = np.array(heard, np.float32)
+        scores.append(loud + (high.max() if len(high) else 0.0))
+    values = np.array(scores, np.float32)
     return (values - values.mean()) / (values.std() + 1e-3) if len(values) else values
 
 

@@ -138,5 +138,5 @@ def _flite(text: str, name: str, pace: float, tape: float) -> Audio:
                 f"flite cannot speak as {name} ({error}); install the Debian package flite, "
                 "or leave its voices out"
             ) from error
-        said = load_audio(out, SAMPLE_RATE)
-        return load_audio(said, SAMPLE_RATE, round(SAMPLE_RATE * tape))
+        spoken = load_audio(out, SAMPLE_RATE)
+        return load_audio(spoken, SAMPLE_RATE, round(SAMPLE_RATE * tape))

@@ -93,7 +93,7 @@ def score_baseline(
         weights = torch.from_numpy(np.eye(len(SPEC.styles), dtype=np.float32))
         row = weights[[SPEC.styles.index(style)]]
         audio = load_audio(data.speech(clip), SPEC.speech_encoder.sample_rate)
-        said = net.predict(torch.from_numpy(audio)[None], row).offsets[0]
-        offsets = (said.flatten(1).double() @ basis.decode.T).unflatten(-1, (-1, 3))
+        prediction = net.predict(torch.from_numpy(audio)[None], row).offsets[0]
+        offsets = (prediction.flatten(1).double() @ basis.decode.T).unflatten(-1, (-1, 3))
         vertices: Float32 = offsets.numpy().astype(np.float32) + data.template(clip)
         yield scored_clip(Take(clip, style), vertices, data, regions)

@@ -152,10 +152,10 @@ class CorpusClips:
         """(T,) of each clip: whether the mouth is open, by the distance of LIP_PAIR."""
         head, (upper, lower) = load_corpus_head(self.corpus), LIP_PAIR
         rest = head.template[upper] - head.template[lower]
-        apart = head.unit_offsets[:, upper] - head.unit_offsets[:, lower]
+        gap_units = head.unit_offsets[:, upper] - head.unit_offsets[:, lower]
         openings = [
             np.linalg.norm(
-                rest + load_weights(self.corpus, name).astype(np.float32) @ apart, axis=1
+                rest + load_weights(self.corpus, name).astype(np.float32) @ gap_units, axis=1
             )
             - np.linalg.norm(rest)
             for name in self.names

@@ -138,16 +138,16 @@ def train_diverse(
     for part in net.part_nets:
         train_prior(part, bases[part.part.name], corpus, work, progress)
     one = with_priors_of(net, variant(net.system, 1, upper_first=False))
-    heard = None
+    speech = None
     for name, basis in bases.items():
-        stage = query_stage(one, one_config(corpus, name), basis, corpus, heard)
+        stage = query_stage(one, one_config(corpus, name), basis, corpus, speech)
         train(stage, stage.config, work / f"{name}-one", progress)
-        heard = stage.speech
+        speech = stage.speech
     stages: dict[str, QueryStage] = {}
     for name, basis in bases.items():
         config = query_config(corpus, name)
         start_from_one(net.part_net(name), one.part_net(name), config.head_spread)
-        stages[name] = query_stage(net, config, basis, corpus, heard)
+        stages[name] = query_stage(net, config, basis, corpus, speech)
         train(stages[name], config, work / f"{name}-query", progress)
     torch.manual_seed(0)
     errors = {name: stages[name].head_errors() for name in bases}
@@ -172,11 +172,11 @@ def query_stage(
     config: TrainingConfig,
     basis: MotionBasis,
     corpus: Path,
-    heard: SpeechRows | None = None,
+    speech: SpeechRows | None = None,
 ) -> QueryStage:
-    """Stage 2 of the part `config.part`; `heard`: speech that a stage before has encoded."""
+    """Stage 2 of the part `config.part`; `speech`: speech that a stage before has encoded."""
     clips = corpus_clips(corpus, basis)
-    return QueryStage(net, clips["train"], clips["val"], config, heard)
+    return QueryStage(net, clips["train"], clips["val"], config, speech)
 
 
 def train_prior(net: PartNet, basis: MotionBasis, corpus: Path, work: Path, progress: bool) -> None:

@@ -108,6 +108,6 @@ def _parse_obj(text: str) -> BaseMesh:
 def _parse_target(text: bytes, n_vertices: int) -> Float:
     lines = (line.split() for line in text.decode().splitlines() if not line.startswith("#"))
     rows = np.array([fields for fields in lines if len(fields) == 4]).reshape(-1, 4)
-    moved = np.zeros((n_vertices, 3))
-    moved[rows[:, 0].astype(np.int64)] = rows[:, 1:4].astype(np.float64)
-    return moved
+    displaced = np.zeros((n_vertices, 3))
+    displaced[rows[:, 0].astype(np.int64)] = rows[:, 1:4].astype(np.float64)
+    return displaced

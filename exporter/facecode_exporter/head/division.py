@@ -21,11 +21,11 @@ def part_vertices(head: Head) -> dict[str, Indices]:
     """Vertex indices (n,) int32 of each part, ascending; together every vertex once."""
     mouth = np.array([unit.startswith(MOUTH_UNITS) for unit in FACE_UNITS])
 
-    def moved(units: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def greatest_motion(units: NDArray[np.bool_]) -> NDArray[np.float64]:
         squares = np.square(head.unit_offsets[units].astype(np.float64))
         return np.asarray(squares.sum(axis=(0, 2)))
 
-    lips = moved(mouth) > moved(~mouth)
+    lips = greatest_motion(mouth) > greatest_motion(~mouth)
     return {
         LIPS: np.flatnonzero(lips).astype(np.int32),
         UPPER_FACE: np.flatnonzero(~lips).astype(np.int32),
@@ -43,7 +43,7 @@ def stretch(vertices: Offsets, template: Template, edges: NDArray[np.int64]) -> 
     """How much each edge is longer than at rest, (T, n), in the unit of `vertices` (T, V, 3)."""
 
     def lengths(points: AnyArray) -> AnyArray:
-        apart = points[..., edges[:, 0], :] - points[..., edges[:, 1], :]
-        return np.asarray(np.linalg.norm(apart, axis=-1))
+        edge_vectors = points[..., edges[:, 0], :] - points[..., edges[:, 1], :]
+        return np.asarray(np.linalg.norm(edge_vectors, axis=-1))
 
     return np.asarray(lengths(vertices) - lengths(template), dtype=np.float32)

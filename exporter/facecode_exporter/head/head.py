@@ -75,8 +75,8 @@ class Head:
         overlap. Does not expand the head.
         """
         upper, lower = self.lip_pair
-        apart = self.template[upper, 1] - self.template[lower, 1]
-        return np.asarray(apart + weights.astype(np.float32) @ self._lip_gap)
+        gap = self.template[upper, 1] - self.template[lower, 1]
+        return np.asarray(gap + weights.astype(np.float32) @ self._lip_gap)
 
     @cached_property
     def _lip_gap(self) -> Float32:

@@ -79,8 +79,8 @@ def lip_vertex_error(prediction: AnyArray, truth: AnyArray, lips: AnyArray) -> f
     Squared unit of the vertices. From MeshTalk (Richard et al., ICCV 2021); the square, which the
     papers leave out, is what the public FaceFormer and CodeTalker numbers are computed with.
     """
-    apart = _float64(prediction, lips) - _float64(truth, lips)
-    return float(np.square(apart).sum(axis=2).max(axis=1).mean())
+    difference = _float64(prediction, lips) - _float64(truth, lips)
+    return float(np.square(difference).sum(axis=2).max(axis=1).mean())
 
 
 def face_dynamics_deviation(

@@ -45,8 +45,8 @@ class NormedTaps(nn.Module):
         taps = F.conv1d(audio, self.taps, self.one, self.stride)
         samples = taps[:, :-1].double()
         mean = samples.mean(dim=2, keepdim=True)
-        apart = samples - mean
-        covariance = apart @ apart.transpose(1, 2) / apart.shape[2]
+        centred = samples - mean
+        covariance = centred @ centred.transpose(1, 2) / centred.shape[2]
         variance = ((self.weight @ covariance) * self.weight).sum(dim=2)
         scale = self.gain * torch.rsqrt(variance + self.eps)
         weight = self.weight * scale[:, :, None]

@@ -35,7 +35,7 @@ def stage2_terms(
     ]
 
 
-def counted_mse(said: Tensor, truth: Tensor, counts: Tensor) -> Tensor:
+def counted_mse(prediction: Tensor, truth: Tensor, counts: Tensor) -> Tensor:
     """Mean squared error of (B, T, ...) in which frames count as often as `counts` (B, T) says."""
-    per_frame = (said - truth).square().flatten(2).mean(dim=-1)
+    per_frame = (prediction - truth).square().flatten(2).mean(dim=-1)
     return (counts * per_frame).sum() / counts.sum()

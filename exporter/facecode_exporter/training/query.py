@@ -147,21 +147,21 @@ class QueryStage:
     def _features(self, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
         """(B, K, T, H, C): without a past for half of the clips, with its own for the others."""
         half = (len(memory) + int(torch.randint(2, ()))) // 2 if self.net.training else 0
-        said = []
+        predicted = []
         if half > 0:
             before = _rows(conditions, slice(half))
-            said.append(heard(self.net, memory[:half], styles[:half], before))
+            predicted.append(features_of(self.net, memory[:half], styles[:half], before))
         if half < len(memory):
             after = _rows(conditions, slice(half, None))
-            said.append(self._with_own_past(memory[half:], styles[half:], after))
-        return torch.cat(said)
+            predicted.append(self._with_own_past(memory[half:], styles[half:], after))
+        return torch.cat(predicted)
 
     def _with_own_past(
         self, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]
     ) -> Tensor:
         """(B, K, T, H, C): every sample goes on from what its own head says without a past."""
         with torch.no_grad():
-            first = heard(self.net, memory, styles, conditions)
+            first = features_of(self.net, memory, styles, conditions)
             _, past = self.net.autoencoder.decode_features(first.flatten(0, 1))
         k = self.net.part.n_samples
         sample = torch.arange(k).repeat(len(memory))
@@ -177,7 +177,7 @@ class QueryStage:
         for net in self.earlier:
             memory = net.audio_feature_map(speech)
             picked = torch.randint(net.part.n_samples, (len(speech),))
-            first = heard(net, memory, styles, vectors)[torch.arange(len(speech)), picked]
+            first = features_of(net, memory, styles, vectors)[torch.arange(len(speech)), picked]
             _, past = net.autoencoder.decode_features(first)
             features = continued(net, memory, styles, vectors, past, picked)
             quantize = net.autoencoder.quantize
@@ -185,7 +185,9 @@ class QueryStage:
         return vectors
 
 
-def heard(net: PartNet, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]) -> Tensor:
+def features_of(
+    net: PartNet, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]
+) -> Tensor:
     """Features (B, K, T, H, C) of all heads with no past at all, over memory (B, T * rows, D)."""
     n_rows = net.system.speech_encoder.memory_rows_per_frame
     n_frames = memory.shape[1] // n_rows

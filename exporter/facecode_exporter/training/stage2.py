@@ -69,10 +69,10 @@ class Stage2:
             [torch.from_numpy(clips.offsets(i)[start : start + n]) for i, start, n in group]
         )
         styles = torch.tensor([clips.style(i) for i, _, _ in group])
-        heard = F.dropout(
+        speech = F.dropout(
             self.speech.batch(split, group), self.config.speech_dropout, training=net.training
         )
-        memory = net.audio_feature_map(heard)
+        memory = net.audio_feature_map(speech)
         past = offsets
         if net.training and self.config.own_history:
             past = self._own_past(offsets, styles, memory)

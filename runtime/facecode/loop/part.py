@@ -190,11 +190,11 @@ class Part:
         """Hidden frames (B, T, E) to `offsets` (B, T, V, 3), at the part's vertices."""
         for start in range(0, hidden.shape[1], HEAD_CHUNK):
             chunk = slice(start, start + HEAD_CHUNK)
-            moved = self.vertex_head.run(("offsets",), hidden=hidden[:, chunk])[0]
+            made = self.vertex_head.run(("offsets",), hidden=hidden[:, chunk])[0]
             if self.vertices is None:
-                offsets[:, chunk] = moved
+                offsets[:, chunk] = made
             else:
-                offsets[:, chunk, self.vertices] = moved
+                offsets[:, chunk, self.vertices] = made
 
 
 def _sizes(step: GraphEntry) -> Mapping[str, int]:

@@ -119,8 +119,8 @@ class Renderer:
     def _poses(self) -> list[Template]:
         """Two that differ: the nearest to the first frame, which itself is, and the farthest."""
         frames = spread(len(self.offsets), LOOKED_AT)
-        moved = np.abs(self.offsets[frames] - self.offsets[0]).mean(axis=(1, 2))
-        order = frames[np.argsort(moved, kind="stable")]
+        motion = np.abs(self.offsets[frames] - self.offsets[0]).mean(axis=(1, 2))
+        order = frames[np.argsort(motion, kind="stable")]
         chosen = order[spread(len(order), POSES)]
         return [np.nan_to_num(self.template + self.offsets[i]) for i in chosen]
 

@@ -57,23 +57,23 @@ class Document:
         key = (data.tobytes(), data.dtype.str, data.shape, target, normalized, bounds)
         if key not in self._known:
             view = self.view(key[0], target)
-            said = {"normalized": True} if normalized else {}
-            self._known[key] = self._accessor(data, bounds, bufferView=view, **said)
+            flags = {"normalized": True} if normalized else {}
+            self._known[key] = self._accessor(data, bounds, bufferView=view, **flags)
         return self._known[key]
 
     def displacements(self, values: Float32) -> int:
-        """The index of an accessor of displacements (V, 3), of the moved alone if that is less."""
-        moved = np.flatnonzero((values != 0).any(axis=1))
-        if not len(moved):
-            moved = np.zeros(1, np.int64)  # a sparse accessor needs one
-        index = narrow(moved, len(values))
-        some = np.ascontiguousarray(values[moved], "<f4")
+        """The index of an accessor of displacements (V, 3), sparse if that is shorter."""
+        displaced = np.flatnonzero((values != 0).any(axis=1))
+        if not len(displaced):
+            displaced = np.zeros(1, np.int64)  # a sparse accessor needs one
+        index = narrow(displaced, len(values))
+        some = np.ascontiguousarray(values[displaced], "<f4")
         if index.nbytes + some.nbytes >= 12 * len(values):
             return self.accessor(values, target=VERTICES, bounds=True)
         key = (index.tobytes(), some.tobytes(), len(values))
         if key not in self._known:
             sparse = {
-                "count": len(moved),
+                "count": len(displaced),
                 "indices": {
                     "bufferView": self.view(key[0]),
                     "componentType": COMPONENT_TYPES[index.dtype.str[1:]],

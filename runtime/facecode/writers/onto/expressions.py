@@ -21,8 +21,8 @@ def expressions(tree: Tree) -> list[tuple[str, list[Bind]]]:
     Raises:
         OntoError: a table of the glTF is broken.
     """
-    said = part(tree, "extensions")
-    return _of_vrm_0(tree, part(said, "VRM")) + _of_vrm_1(tree, part(said, "VRMC_vrm"))
+    extensions = part(tree, "extensions")
+    return _of_vrm_0(tree, part(extensions, "VRM")) + _of_vrm_1(tree, part(extensions, "VRMC_vrm"))
 
 
 def _of_vrm_0(tree: Tree, vrm: Tree) -> list[tuple[str, list[Bind]]]:

@@ -37,7 +37,7 @@ class Gathered:
 
     pieces: list[Piece] = field(default_factory=list)
     n_bytes: int = 0
-    moved: list[str] = field(default_factory=list)
+    relocated: list[str] = field(default_factory=list)
     """What was brought in, in words, with its range of bytes."""
 
     def append(self, piece: Piece, what: str | None) -> int:
@@ -48,7 +48,9 @@ class Gathered:
         self.pieces += [bytes(gap), piece]
         self.n_bytes = start + length
         if what is not None:
-            self.moved.append(f"{what} is now bytes {start} to {self.n_bytes} of the first buffer")
+            self.relocated.append(
+                f"{what} is now bytes {start} to {self.n_bytes} of the first buffer"
+            )
         return start
 
 

@@ -43,14 +43,14 @@ class OntoReport:
     @property
     def matched(self) -> tuple[str, ...]:
         """The units that move something."""
-        moved = {unit for mesh in self.meshes if mesh.nodes for unit in mesh.matched}
-        return tuple(unit for unit in self.units if unit in moved)
+        driven = {unit for mesh in self.meshes if mesh.nodes for unit in mesh.matched}
+        return tuple(unit for unit in self.units if unit in driven)
 
     @property
     def unmatched(self) -> tuple[str, ...]:
         """The units that move nothing."""
-        moved = set(self.matched)
-        return tuple(unit for unit in self.units if unit not in moved)
+        driven = set(self.matched)
+        return tuple(unit for unit in self.units if unit not in driven)
 
     def describe(self) -> str:
         """The report as lines of text."""

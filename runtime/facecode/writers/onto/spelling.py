@@ -106,8 +106,8 @@ def _words(name: str) -> list[str]:
 
 def _sided(base: list[str], side: str) -> Iterator[str]:
     """The spellings of a name with its side at the end, in front, or after the first word."""
-    for said in (side, side[0]):
-        yield "".join([*base, said])
+    for spelled in (side, side[0]):
+        yield "".join([*base, spelled])
         if len(base) > 1:  # `Left_mouth` may be anything
-            yield "".join([said, *base])
-            yield "".join([base[0], said, *base[1:]])
+            yield "".join([spelled, *base])
+            yield "".join([base[0], spelled, *base[1:]])

@@ -23,7 +23,7 @@ from facecode.writers.onto.checked import number, part, rows, shown
 from facecode.writers.onto.gather import gather
 from facecode.writers.onto.report import MeshReport, OntoReport
 from facecode.writers.onto.source import Source, blocks, read_source
-from facecode.writers.onto.targets import MovedMesh, label_of, moved_meshes, node_labels
+from facecode.writers.onto.targets import DrivenMesh, driven_meshes, label_of, node_labels
 
 ANIMATION = "facecode"
 MOST_BYTES = 1 << 30
@@ -66,8 +66,8 @@ def onto(motion: Weighted, source: Path, file: BinaryIO) -> OntoReport:
     """
     names = list(motion.weight_names)
     read = read_source(source)
-    meshes = moved_meshes(read.tree, names)
-    matched = [mesh for mesh in meshes if mesh.moved and mesh.nodes]
+    meshes = driven_meshes(read.tree, names)
+    matched = [mesh for mesh in meshes if mesh.driven and mesh.nodes]
     if not matched:
         raise _nothing_matched(source, meshes, names)
     gathered = gather(read)
@@ -87,7 +87,7 @@ def onto(motion: Weighted, source: Path, file: BinaryIO) -> OntoReport:
         tuple(_mesh_report(mesh, labels) for mesh in meshes),
         title,
         tuple(before),
-        tuple(gathered.moved),
+        tuple(gathered.relocated),
     )
 
 
@@ -99,7 +99,7 @@ def _json(source: Source) -> bytes:
 
 
 def _channels(
-    tree: Tree, meshes: list[MovedMesh], names: list[str], weights: Float32
+    tree: Tree, meshes: list[DrivenMesh], names: list[str], weights: Float32
 ) -> Iterator[Channel]:
     """For each node that shows a mesh, its targets at each frame; others keep their weight."""
     column = {name: index for index, name in enumerate(names)}
@@ -110,14 +110,14 @@ def _channels(
         for node in mesh.nodes:
             still = tree["nodes"][node].get("weights", tree["meshes"][mesh.index].get("weights"))
             values = np.tile(_rest_weights(still, len(mesh.targets)), (len(weights), 1))
-            for unit, targets in mesh.moved.items():
+            for unit, targets in mesh.driven.items():
                 for target, share in targets:
                     values[:, target] = weights[:, column[unit]] * np.float32(share)
             yield node, "weights", values
 
 
-def _rest_weights(said: Any, n_targets: int) -> Float32:  # noqa: ANN401
-    still = [number(each) for each in said[:n_targets]] if isinstance(said, list) else []
+def _rest_weights(stated: Any, n_targets: int) -> Float32:  # noqa: ANN401
+    still = [number(each) for each in stated[:n_targets]] if isinstance(stated, list) else []
     return np.array(still + [0.0] * (n_targets - len(still)), np.float32)
 
 
@@ -137,10 +137,10 @@ def _moved_already(tree: Tree, nodes: list[int]) -> list[str]:
     return found
 
 
-def _nothing_matched(source: Path, meshes: list[MovedMesh], units: list[str]) -> OntoError:
+def _nothing_matched(source: Path, meshes: list[DrivenMesh], units: list[str]) -> OntoError:
     if not meshes:
         return OntoError(f"{source.name} has no morph targets; expected ARKit's 52 shapes")
-    if any(mesh.moved for mesh in meshes):
+    if any(mesh.driven for mesh in meshes):
         return OntoError(f"no node of {source.name} shows the meshes that have face units")
     names = [name for mesh in meshes for name in mesh.targets if name]
     listed = ", ".join(shown(name) for name in names[:LISTED]) or "none has a name"
@@ -151,13 +151,13 @@ def _nothing_matched(source: Path, meshes: list[MovedMesh], units: list[str]) ->
     )
 
 
-def _mesh_report(mesh: MovedMesh, labels: list[str]) -> MeshReport:
+def _mesh_report(mesh: DrivenMesh, labels: list[str]) -> MeshReport:
     names = [name or f"target {index}" for index, name in enumerate(mesh.targets)]
-    moving = {target for targets in mesh.moved.values() for target, _ in targets}
+    moving = {target for targets in mesh.driven.values() for target, _ in targets}
     return MeshReport(
         mesh.name,
         tuple(labels[node] for node in mesh.nodes),
-        {unit: tuple(names[target] for target, _ in to) for unit, to in mesh.moved.items()},
+        {unit: tuple(names[target] for target, _ in to) for unit, to in mesh.driven.items()},
         tuple(name for index, name in enumerate(names) if index not in moving),
         tuple(sorted(mesh.by_expression)),
     )

@@ -22,7 +22,7 @@ MOST = 4096
 
 
 @dataclass
-class MovedMesh:
+class DrivenMesh:
     """A mesh with morph targets."""
 
     index: int
@@ -31,13 +31,13 @@ class MovedMesh:
     """That show it."""
     targets: list[str]
     """Their names; empty where one has none."""
-    moved: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
+    driven: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
     """For each unit: targets, and their weights at a weight of 1 of the unit."""
     by_expression: set[str] = field(default_factory=set)
     """The units that a VRM's expressions told, not the targets' names."""
 
 
-def moved_meshes(tree: Tree, units: Sequence[str]) -> list[MovedMesh]:
+def driven_meshes(tree: Tree, units: Sequence[str]) -> list[DrivenMesh]:
     """The meshes that have targets.
 
     Raises:
@@ -49,11 +49,11 @@ def moved_meshes(tree: Tree, units: Sequence[str]) -> list[MovedMesh]:
         targets = _target_names(mesh, index, accessors)
         if targets:
             label = label_of(mesh, f"mesh {index}")
-            found.append(MovedMesh(index, label, nodes_of.get(index, []), targets))
+            found.append(DrivenMesh(index, label, nodes_of.get(index, []), targets))
     spellings = Spellings(units)
-    for moved in found:
-        for unit, chosen in spellings.assign(moved.targets).items():
-            moved.moved[unit] = [(target, 1.0) for target in chosen]
+    for target_mesh in found:
+        for unit, chosen in spellings.assign(target_mesh.targets).items():
+            target_mesh.driven[unit] = [(target, 1.0) for target in chosen]
     _ask_expressions(tree, found, spellings)
     return found
 
@@ -94,14 +94,14 @@ def _target_names(mesh: Tree, index: int, accessors: list[Tree]) -> list[str]:
     if count > MOST:
         raise OntoError(f"mesh {index} has {count} morph targets; at most {MOST} are taken")
     names = [""] * count
-    for said in _said_names([mesh, *primitives], targets_of, accessors):
-        for target, name in enumerate(said[:count]):
+    for stated in _stated_names([mesh, *primitives], targets_of, accessors):
+        for target, name in enumerate(stated[:count]):
             if not names[target] and isinstance(name, str):
                 names[target] = name
     return names
 
 
-def _said_names(
+def _stated_names(
     owners: list[Tree], targets_of: list[list[Tree]], accessors: list[Tree]
 ) -> Iterator[list[Any]]:
     """Lists of names, the best place first."""
@@ -120,14 +120,14 @@ def _accessor_name(target: Tree, accessors: list[Tree]) -> Any:  # noqa: ANN401
     return accessors[whole(target["POSITION"], "a target's POSITION", len(accessors))].get("name")
 
 
-def _ask_expressions(tree: Tree, meshes: list[MovedMesh], spellings: Spellings) -> None:
+def _ask_expressions(tree: Tree, meshes: list[DrivenMesh], spellings: Spellings) -> None:
     """Units that no target's name told, where an expression of a VRM bears their name."""
-    told = {unit for mesh in meshes for unit in mesh.moved}
+    told = {unit for mesh in meshes for unit in mesh.driven}
     by_index = {mesh.index: mesh for mesh in meshes}
     found = expressions(tree)
     for unit, chosen in spellings.assign([name for name, _ in found]).items():
         for mesh_index, target, weight in (bind for i in chosen for bind in found[i][1]):
             mesh = by_index.get(mesh_index)
             if unit not in told and mesh is not None and target < len(mesh.targets):
-                mesh.moved.setdefault(unit, []).append((target, weight))
+                mesh.driven.setdefault(unit, []).append((target, weight))
                 mesh.by_expression.add(unit)
