@@ -73,3 +73,27 @@ def changed(clip, **changes):
     found = dataclasses.replace(clip, **changes)
     object.__setattr__(found, "weights", clip.weights)
     return found
+
+
+def still(clip):
+    """The face of a clip, without a frame."""
+    return frames_of(clip, slice(0, 0))
+
+
+def cut(clip, sizes):
+    """The frames of a clip as clips of these sizes, one after the other."""
+    ends = np.cumsum(sizes)
+    return [frames_of(clip, slice(end - n, end)) for n, end in zip(sizes, ends, strict=True)]
+
+
+def frames_of(clip, frames):
+    """Some frames of a clip, with their weights."""
+    found = dataclasses.replace(clip, offsets=clip.offsets[frames], codes=clip.codes[frames])
+    object.__setattr__(found, "weights", clip.weights[frames])
+    return found
+
+
+def with_rig(clip, rig):
+    """A plain clip of the same face with another rig, whose weights are to be solved."""
+    fields = {field.name: getattr(clip, field.name) for field in dataclasses.fields(clip)}
+    return Clip(**fields | {"rig": rig})

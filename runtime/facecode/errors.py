@@ -28,6 +28,7 @@ FacecodeError
     OutputWriteError (OSError)         disk full, no permission
     NoFacesError (ValueError)          a surface of a face whose triangles are not known
     NoRigError (ValueError)            weights of a face whose units are not known
+    UnitNamesError (ValueError)        units that the format does not know
   OntoError (ValueError)      an avatar that cannot be read, or has no unit of ours
   AvatarNotFoundError (FileNotFoundError)
   MissingExtraError (ImportError)      an optional dependency is not installed
@@ -171,6 +172,10 @@ class NoRigError(OutputError, ValueError):
             f"{suffix} need face units (names and deltas (K, V, 3)), and this face has none: give "
             "them as `rig`, dataclasses.replace(clip, rig=facecode.Rig(names, deltas))"
         )
+
+
+class UnitNamesError(OutputError, ValueError):
+    """The format holds units of certain names, and the rig has none of them."""
 
 
 class OntoError(FacecodeError, ValueError):

@@ -48,6 +48,8 @@ def solve_weights(offsets: Offsets, deltas: Float32, ridge: float = RIDGE) -> Fl
 def solve_box(gram: Float64, wanted: Float64) -> Float64:
     """Minimise w H w / 2 - g w over 0 <= w <= 1 for every row g of `wanted` (T, K).
 
+    A row gives the same bits alone and among others.
+
     Args:
         gram: H (K, K), symmetric and positive definite.
         wanted: g of each frame, (T, K).
@@ -58,10 +60,10 @@ def solve_box(gram: Float64, wanted: Float64) -> Float64:
     tries = np.full(n_frames, BLOCK_TRIES)
     weights = np.zeros(wanted.shape)
     active = np.arange(n_frames)
-    scale = TOLERANCE * max(1.0, float(np.abs(wanted).max(initial=0)))
+    scale = TOLERANCE * np.maximum(1.0, np.abs(wanted).max(axis=1, initial=0, keepdims=True))
     while len(active):
         weights[active] = _with_places(gram, wanted[active], place[active])
-        moves = _violations(gram, wanted[active], weights[active], place[active], scale)
+        moves = _violations(gram, wanted[active], weights[active], place[active], scale[active])
         count = (moves >= 0).sum(axis=1)
         better = count < fewest[active]
         tries[active] = np.where(better, BLOCK_TRIES, tries[active] - 1)
@@ -81,15 +83,20 @@ def _with_places(gram: Float64, wanted: Float64, place: NDArray[np.int64]) -> Fl
     free, bound = place == FREE, np.where(place == UPPER, 1.0, 0.0)
     both = free[:, :, None] & free[:, None, :]
     matrix = np.where(both, gram, np.eye(len(gram)))
-    right = np.where(free, wanted - bound @ gram, bound)
+    right = np.where(free, wanted - _rows(bound, gram), bound)
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
 
+def _rows(rows: Float64, gram: Float64) -> Float64:
+    """`rows @ gram` with sums in one order: BLAS takes another for another number of rows."""
+    return np.asarray(np.einsum("tk,kj->tj", rows, gram))
+
+
 def _violations(
-    gram: Float64, wanted: Float64, weights: Float64, place: NDArray[np.int64], scale: float
+    gram: Float64, wanted: Float64, weights: Float64, place: NDArray[np.int64], scale: Float64
 ) -> NDArray[np.int64]:
     """Where each weight must move to, -1 for those that fit."""
-    gradient = weights @ gram - wanted
+    gradient = _rows(weights, gram) - wanted
     moves = np.full(place.shape, -1)
     moves[(place == FREE) & (weights < -TOLERANCE)] = LOWER
     moves[(place == FREE) & (weights > 1 + TOLERANCE)] = UPPER

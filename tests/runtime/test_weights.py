@@ -91,3 +91,11 @@ def test_a_clip_with_a_rig_has_weights(tiny):
     assert rigged.weights.shape == (212, 3)
     assert rigged.weights is rigged.weights  # solved once
     assert rigged.weight_names == ("jawOpen", "a", "b")
+
+
+def test_a_frame_alone_has_the_bits_it_has_among_others():
+    gram, wanted = problem(3, n_frames=70)
+    together = solve_box(gram, wanted)
+    for n in (1, 3, 64):
+        apart = [solve_box(gram, wanted[start : start + n]) for start in range(0, 70, n)]
+        assert np.array_equal(np.concatenate(apart), together)

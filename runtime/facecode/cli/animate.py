@@ -10,12 +10,12 @@ from pathlib import Path
 
 import facecode
 from facecode import writers
-from facecode.bundle import PACKAGED_BUNDLE
 from facecode.cli.hold_option import parse_hold
 from facecode.cli.many import run_many
 from facecode.cli.options import (
     STANDARD_STREAM,
     Commands,
+    add_bundle,
     add_compute,
     add_mode,
     add_quiet,
@@ -38,16 +38,8 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
         "audio", nargs="+", help="wav, flac, ogg, mp3, ... or - for standard input"
     )
     _add_output(animate)
-    animate.add_argument(
-        "--bundle",
-        metavar="DIR",
-        default=PACKAGED_BUNDLE,
-        help="a bundle's folder, or a packaged bundle: demo, diverse (default: demo)",
-    )
+    add_bundle(animate)
     add_style(animate)
-    animate.add_argument(
-        "--template", metavar="MESH", help="an identity of the bundle, or .npy (V, 3), .ply, .obj"
-    )
     _add_samples(animate)
     add_mode(animate)
     add_compute(animate)

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
+from facecode.bundle import PACKAGED_BUNDLE
 from facecode.errors import SampleError, StyleError
 from facecode.options import MODES, Samples, Style
 from facecode.session import Compute
@@ -61,6 +62,21 @@ def add_compute(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="execution provider of the installed onnxruntime, as in --provider CUDA (default: "
         "CPU)",
+    )
+
+
+def add_bundle(parser: argparse.ArgumentParser) -> None:
+    """`--bundle` and `--template`."""
+    parser.add_argument(
+        "--bundle",
+        metavar="DIR",
+        default=PACKAGED_BUNDLE,
+        help="a bundle's folder, or a packaged bundle: demo, diverse (default: demo)",
+    )
+    parser.add_argument(
+        "--template",
+        metavar="MESH",
+        help="an identity of the bundle, or .npy (V, 3), .ply, .obj, as in --template head.ply",
     )
 
 

@@ -20,12 +20,15 @@ from facecode.errors import (
     OutputSuffixError,
     OutputWriteError,
 )
+from facecode.writers.audio2face_json import JSON
 from facecode.writers.format import Format
 from facecode.writers.glb import GLB
+from facecode.writers.live_link_csv import CSV
 from facecode.writers.mp4 import MP4
 from facecode.writers.npz import NPZ
+from facecode.writers.point_cache import MDD, PC2
 
-FORMATS: dict[str, Format] = {f.suffix: f for f in (NPZ, MP4, GLB)}
+FORMATS: dict[str, Format] = {f.suffix: f for f in (NPZ, MP4, GLB, CSV, JSON, PC2, MDD)}
 """By suffix, in the order in which they are shown to users."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
@@ -14,6 +14,9 @@ Write: TypeAlias = "Callable[[Clip, BinaryIO, bool], None]"
 """(clip, an open binary file that can seek, whether to show progress on stderr)"""
 WriteTakes: TypeAlias = "Callable[[Sequence[Clip], BinaryIO, bool], None]"
 """The same for several clips of one recording, of one rate and length."""
+WriteBlocks: TypeAlias = "Callable[[Clip, int, Iterable[Clip], BinaryIO], None]"
+"""(what is known of the face, how many frames there will be, clips of the frames one after the
+other, an open binary file that need not seek): the bytes do not depend on how frames are cut"""
 
 
 @dataclass(frozen=True)
@@ -25,12 +28,24 @@ class Format:
     write: Write
     write_takes: WriteTakes | None = None
     """None: a file holds one face."""
+    write_blocks: WriteBlocks | None = None
+    """None: the whole clip must be there before the first byte is written."""
     needs_faces: bool = False
     """The format shows a surface, or cannot say points without triangles."""
     needs_rig: bool = False
     """The format holds weights of face units."""
     check: Callable[[], None] | None = None
     """Raises MissingExtraError if a package is missing; None: the core packages will do."""
+
+
+def of_blocks(write_blocks: WriteBlocks) -> Write:
+    """The writer of whole clips for a format that can be written block by block."""
+
+    def write(clip: Clip, file: BinaryIO, progress: bool) -> None:
+        del progress
+        write_blocks(clip, clip.n_frames, [clip], file)
+
+    return write
 
 
 def by_path(suffix: str, write: Callable[[Clip, Path, bool], None]) -> Write:

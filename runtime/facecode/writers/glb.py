@@ -2,7 +2,8 @@
 
 Comes in: a clip with faces, or several. Goes out: a mesh with normals and colours, in metres and
 y up, whose shapes are the units of the rig under their names, and an animation of their weights.
-Without a rig the shapes are components of the motion itself, as many as TOLERANCE_MM asks for.
+Without a rig the shapes are components of the motion itself, as many as TOLERANCE_MM asks for. A
+clip of no frame is a head without animation.
 The sound is not in it: glTF has no place for it. Knows nothing of bytes (`gltf/` does).
 """
 
@@ -90,7 +91,8 @@ def document_of(clips: Sequence[Clip]) -> Document:
         mesh = _add_mesh(document, name, clip, shapes, material)
         node = document.add("nodes", name=name, mesh=mesh, translation=[x, 0, 0] if x else None)
         channels.append((node, "weights", shapes.weights[index]))
-    add_animation(document, ANIMATION, clips[0].fps, channels)
+    if clips[0].n_frames:
+        add_animation(document, ANIMATION, clips[0].fps, channels)
     return document
 
 
@@ -105,6 +107,10 @@ def _units(clips: Sequence[Clip]) -> Shapes:
 
 def _components(clips: Sequence[Clip]) -> Shapes:
     first = clips[0]
+    if not first.n_frames:
+        none = np.zeros((0, *first.template.shape), np.float32)
+        weights = tuple(np.zeros((0, 0), np.float32) for _ in clips)
+        return Shapes((), np.zeros_like(first.template), none, weights, [])
     height = float(np.ptp(first.template, axis=0).max())
     known = first.metres_per_unit is not None
     per_mm = 1000 * metres_per_unit(first)
@@ -143,12 +149,14 @@ def _add_mesh(document: Document, name: str, clip: Clip, shapes: Shapes, materia
         "attributes": attributes,
         "indices": document.accessor(indices, target=INDICES),
         "material": material,
-        "targets": [{"POSITION": document.displacements(each)} for each in shapes.deltas],
     }
+    if not shapes.names:
+        return document.add("meshes", name=name, primitives=[primitive])
+    targets = [{"POSITION": document.displacements(each)} for each in shapes.deltas]
     return document.add(
         "meshes",
         name=name,
-        primitives=[primitive],
+        primitives=[primitive | {"targets": targets}],
         weights=shapes.at_rest,
         extras={"targetNames": list(shapes.names)},
     )
