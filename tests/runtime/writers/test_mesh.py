@@ -14,7 +14,6 @@ from facecode.errors import NoFacesError, OutputSuffixError
 from facecode.writers.mesh import save_mesh
 from facecode.writers.point_cache import PC2
 
-
 NEAREST = 1e-12  # metres; .obj is text
 
 
@@ -70,7 +69,7 @@ def test_the_command_takes_identities(tmp_path, monkeypatch, capsys):
     assert main(["mesh", "-o", "neutral.obj"]) == 0
     bundle = Bundle.open("demo")
     assert np.abs(read("neutral.obj").vertices - bundle.template).max() <= NEAREST
-    other = bundle.manifest.identities[-1]
+    other = list(bundle.manifest.identities)[-1]
     assert main(["mesh", "--template", other, "-o", "other.ply"]) == 0
     assert np.array_equal(np.float32(read("other.ply").vertices), bundle.neutral(other))
     assert main(["mesh", "-o", "none/neutral.obj"]) == 2

@@ -1,0 +1,94 @@
+"""A VRM animation (.vrma): weights as expressions of an avatar (VRMC_vrm_animation 1.0).
+
+Comes in: a clip with units. Goes out: a .glb without a mesh whose nodes carry a weight each, as
+the x of their translation. `VRMA` writes every unit as a custom expression in PascalCase, as
+avatars for ARKit tracking ("Perfect Sync") name them; `write_presets` the seven presets that any
+VRM has. Never both: an avatar that has both would move twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import BinaryIO
+
+import numpy as np
+
+from facecode.arrays import Float32
+from facecode.clip import Clip
+from facecode.writers.arkit import NAMES, columns, in_order, pascal
+from facecode.writers.format import Format, of_blocks
+from facecode.writers.gltf.animation import add_animation
+from facecode.writers.gltf.document import Document
+
+EXTENSION = "VRMC_vrm_animation"
+
+
+def write_blocks_vrma(face: Clip, n_frames: int, blocks: Iterable[Clip], file: BinaryIO) -> None:
+    """Write every unit of the rig as a custom expression; the weights are gathered first.
+
+    Raises:
+        NoRigError: the face units are not known.
+    """
+    del n_frames
+    weights = np.concatenate([block.weights for block in blocks])
+    by_name = {pascal(name): weights[:, i] for i, name in enumerate(face.weight_names)}
+    _write(face.fps, "custom", by_name, file)
+
+
+def write_presets(clip: Clip, file: BinaryIO) -> None:
+    """Write the presets aa, ih, ou, ee, oh, blinkLeft, blinkRight to an open binary file.
+
+    Raises:
+        NoRigError: the face units are not known.
+        UnitNamesError: the rig has no unit of ARKit's.
+    """
+    weights = in_order(clip.weights, columns(clip.weight_names, ".vrma"))
+    _write(clip.fps, "preset", presets(weights), file)
+
+
+def presets(weights: Float32) -> Mapping[str, Float32]:
+    """The seven presets (T,) of ARKit weights (T, 52) in the order of `arkit.NAMES`.
+
+    The mouth's opening goes to the vowels by its shape: rounded lips to oh and ou, wide ones to ee
+    and ih, the rest to aa.
+    """
+    at = {name: weights[:, place] for place, name in enumerate(NAMES)}
+    opening = at["jawOpen"]
+    rounded = np.maximum(at["mouthPucker"], at["mouthFunnel"])
+    wide = np.maximum(
+        at["mouthSmileLeft"] + at["mouthSmileRight"],
+        at["mouthStretchLeft"] + at["mouthStretchRight"],
+    ) / np.float32(2)
+    wide = np.minimum(wide, 1 - rounded)
+    return {
+        "aa": opening * (1 - rounded - wide),
+        "ih": wide * (1 - opening),
+        "ou": rounded * (1 - opening),
+        "ee": wide * opening,
+        "oh": rounded * opening,
+        "blinkLeft": at["eyeBlinkLeft"],
+        "blinkRight": at["eyeBlinkRight"],
+    }
+
+
+def _write(fps: float, kind: str, by_name: Mapping[str, Float32], file: BinaryIO) -> None:
+    from importlib.metadata import version
+
+    document = Document(
+        {"asset": {"version": "2.0", "generator": f"facecode {version('facecode')}"}, "scene": 0}
+    )
+    nodes = {name: document.add("nodes", name=name) for name in by_name}
+    document.add("scenes", nodes=list(nodes.values()))
+    channels = []
+    for name, weights in by_name.items():
+        translation = np.zeros((len(weights), 3), np.float32)
+        translation[:, 0] = weights
+        channels.append((nodes[name], "translation", translation))
+    add_animation(document, "facecode", fps, channels)
+    expressions = {kind: {name: {"node": node} for name, node in nodes.items()}}
+    document.tree["extensionsUsed"] = [EXTENSION]
+    document.tree["extensions"] = {EXTENSION: {"specVersion": "1.0", "expressions": expressions}}
+    document.write(file)
+
+
+VRMA = Format(".vrma", of_blocks(write_blocks_vrma), write_blocks=write_blocks_vrma, needs_rig=True)
