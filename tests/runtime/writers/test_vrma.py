@@ -29,7 +29,7 @@ def expression(glb, kind, name):
     sampler = animation["samplers"][channel["sampler"]]
     times, values = glb.accessor(sampler["input"]), glb.accessor(sampler["output"])
     assert not values[:, 1:].any()
-    return times, values[:, 0]
+    return times[:, 0], values[:, 0]
 
 
 def test_every_unit_is_a_custom_expression():
