@@ -77,7 +77,7 @@ class PartEntry:
     vertices: str | None = None
     """int32 (n,) indices of the part's vertices, in the order of its offsets; null: all."""
     rig_projection: str | None = None
-    """float32 (K, E + 1) array: the products of a frame's offsets with the deltas of the rig are
+    """float64 (K, E + 1) array: the products of a frame's offsets with the deltas of the rig are
     its first E columns times the hidden frame, plus the last column. null: not known."""
 
     def __post_init__(self) -> None:

@@ -9,19 +9,22 @@ give alone.
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
 from facecode.animation import Animation
-from facecode.arrays import Audio, Codes, Offsets, Template
+from facecode.arrays import AnyArray, Audio, Codes, Offsets, Template
 from facecode.audio import AudioSource, load_audio
+from facecode.blocks import Blocks
 from facecode.bundle import Bundle
 from facecode.loop.engine import Engine
 from facecode.loop.request import Request, Window, refuse_unknown, style_weights, window_of
 from facecode.options import BatchOptions, Held, Options, Samples, Style
 from facecode.session import Compute
 from facecode.takes import Takes
+from facecode.weights import WeightProblem
 from facecode_spec.manifest import Manifest
 
 if TYPE_CHECKING:
@@ -50,6 +53,11 @@ class Animator:
     def styles(self) -> tuple[str, ...]:
         """Style names that `animate` takes; the first is the default."""
         return self.manifest.styles
+
+    @property
+    def gives_weights(self) -> bool:
+        """Whether `animate(..., vertices=False)` is possible: the bundle has face units."""
+        return all(part.rig_projection is not None for part in self.engine.parts)
 
     @overload
     def animate(
@@ -91,18 +99,51 @@ class Animator:
 
         Raises:
             AudioError, AudioNotFoundError, StyleError, TemplateError, ModeError, SampleError,
-            CodesError, GraphError.
+            CodesError, NoRigError, GraphError.
         """
         refuse_unknown("animate", options, Options)
+        request, neutral, waveform = self._asked(audio, style, options, samples)
+        codes, motion = self.engine.animate(waveform, request)
+        faces = zip(codes, motion, strict=True)
+        clips = [self.result(request, neutral, waveform, *face) for face in faces]
+        return clips[0] if samples is None else Takes(tuple(clips))
+
+    def blocks(
+        self, audio: AudioSource, style: Style | None = None, **options: Unpack[Options]
+    ) -> Blocks:
+        """Animate one recording block by block: what `animate` gives, in the memory of a block.
+
+        In `window` mode blocks are a few seconds long; in `exact` mode, or with a part to hold, all
+        frames come as one block.
+
+        Args:
+            audio: see `animate`.
+            style: see `animate`.
+            **options: see `facecode.options.Options`.
+
+        Raises:
+            As `animate`; CodesError when the first block is asked for.
+        """
+        refuse_unknown("blocks", options, Options)
+        request, neutral, waveform = self._asked(audio, style, options, None)
+        memory = self.engine.encode(waveform)
+        still = dataclasses.replace(self._still, template=neutral, audio=waveform)
+        made = (
+            self.result(request, neutral, waveform, codes[0], motion[0])
+            for codes, motion in self.engine.blocks(memory, request)
+        )
+        return Blocks(still, memory.n_frames, made)
+
+    def _asked(
+        self, audio: AudioSource, style: Style | None, options: Options, samples: Samples | None
+    ) -> tuple[Request, Template, Audio]:
+        """What to generate, the neutral face, and the speech at the bundle's rate."""
         hold, progress = options.get("hold"), options.get("progress", False)
         request = self.request(style, options, samples, hold, progress)
         template = options.get("template")
         neutral = self._still.template if template is None else self.bundle.neutral(template)
-        waveform = load_audio(audio, self.manifest.sample_rate, options.get("sample_rate"))
-        codes, offsets = self.engine.animate(waveform, request)
-        faces = zip(codes, offsets, strict=True)
-        clips = [self.result(request, neutral, waveform, *face) for face in faces]
-        return clips[0] if samples is None else Takes(tuple(clips))
+        rate = self.manifest.sample_rate
+        return request, neutral, load_audio(audio, rate, options.get("sample_rate"))
 
     def request(
         self,
@@ -115,20 +156,27 @@ class Animator:
         """What to generate, checked against the bundle.
 
         Raises:
-            StyleError, ModeError, SampleError, CodesError.
+            StyleError, ModeError, SampleError, CodesError, NoRigError.
         """
         window = self.window(options.get("mode"), options.get("window"))
         weights = style_weights(style, self.styles)
-        return self.engine.request(weights, window, samples, hold, progress)
+        vertices = options.get("vertices", True)
+        return self.engine.request(weights, window, samples, hold, vertices, progress)
 
     def window(self, mode: str | None, frames: int | None) -> Window | None:
         """How `mode` decodes, the bundle's choices by default; ModeError if it cannot."""
         return window_of(mode, frames, self.manifest.modes, self.engine.smallest_window)
 
     def result(
-        self, request: Request, neutral: Template, waveform: Audio, codes: Codes, offsets: Offsets
+        self, request: Request, neutral: Template, waveform: Audio, codes: Codes, motion: AnyArray
     ) -> Animation:
-        """Codes (T, H) and offsets (T, V, 3) as a clip, with what the bundle knows of the face."""
+        """Codes (T, H) and motion as a clip, with what the bundle knows of the face.
+
+        Motion is offsets (T, V, 3), or the products (T, K) of a request without vertices.
+        """
+        offsets, weights = motion, None
+        if not request.vertices:
+            offsets, weights = np.empty((len(codes), 0, 3), np.float32), self._problem.solve(motion)
         mix = zip(self.styles, request.weights, strict=True)
         styles = {name: float(weight) for name, weight in mix if weight}
         return dataclasses.replace(
@@ -138,7 +186,13 @@ class Animator:
             template=neutral,
             audio=waveform,
             styles=styles,
+            known_weights=weights,
         )
+
+    @cached_property
+    def _problem(self) -> WeightProblem:
+        assert self.bundle.rig is not None, "checked by the request"
+        return WeightProblem.of(self.bundle.rig.deltas)
 
     def decode(self, codes: Codes) -> Offsets:
         """Codes (T, H) of a clip, or (B, T, H) of several, to offsets (T, V, 3) or (B, T, V, 3).

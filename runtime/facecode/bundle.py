@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from facecode.arrays import Colours, Faces, Indices, Template
 from facecode.bundle_files import load_array, load_optional_array, safe_path, verify_files
@@ -120,6 +121,18 @@ class Bundle:
         if part.vertices is None:
             return None
         return load_array(self.root, part.vertices, (-1,), np.int32)
+
+    def rig_projection(self, part: PartEntry) -> NDArray[np.float64] | None:
+        """What gives weights of the rig without vertices, (U, E + 1); None: not known.
+
+        Raises:
+            ManifestError
+        """
+        if part.rig_projection is None or self.rig is None:
+            return None
+        hidden = part.vertex_head.input("hidden").axes[2]
+        shape = (len(self.rig.names), int(hidden) + 1)
+        return load_array(self.root, part.rig_projection, shape, np.float64)
 
     def path(self, name: str) -> Path:
         """Where the file `name` of the manifest lies."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from facecode.arrays import Audio, Codes, Colours, Faces, Float32, Offsets, Template
-from facecode.errors import CodesError, NoRigError
+from facecode.errors import CodesError, NoRigError, NoVerticesError
 from facecode.weights import solve_weights
 
 
@@ -29,7 +29,7 @@ class Clip:
     """T frames of V vertices and H codes, with what is known of the face and of the speech."""
 
     offsets: Offsets
-    """(T, V, 3) float32, from the template, in `unit`."""
+    """(T, V, 3) float32, from the template, in `unit`; (T, 0, 3) of a clip of weights alone."""
     codes: Codes
     """(T, H) int64, rows of the codebook; several parts side by side."""
     fps: float
@@ -58,6 +58,8 @@ class Clip:
     """Upper and lower inner-lip vertex; their distance is the mouth opening."""
     rig: Rig | None = None
     """The face units of the bundle, where it has them."""
+    known_weights: Float32 | None = None
+    """(T, K) of the rig's units, where they were had without vertices."""
 
     def codes_of(self, part: str) -> Codes:
         """The codes (T, H) of one part.
@@ -80,7 +82,10 @@ class Clip:
         Raises:
             NoRigError: the face units are not known.
         """
-        return solve_weights(self.offsets, self._known_rig.deltas)
+        rig = self._known_rig
+        if self.known_weights is not None:
+            return self.known_weights
+        return solve_weights(self.offsets, rig.deltas)
 
     @property
     def weight_names(self) -> tuple[str, ...]:
@@ -99,7 +104,13 @@ class Clip:
 
     @property
     def vertices(self) -> Offsets:
-        """Positions (T, V, 3) float32: template plus offsets, a new array each time."""
+        """Positions (T, V, 3) float32: template plus offsets, a new array each time.
+
+        Raises:
+            NoVerticesError: a clip of weights alone.
+        """
+        if self.offsets.shape[1] != len(self.template):
+            raise NoVerticesError.to_give("vertices")
         return self.offsets + self.template
 
     @property

@@ -28,6 +28,7 @@ FacecodeError
     OutputWriteError (OSError)         disk full, no permission
     NoFacesError (ValueError)          a surface of a face whose triangles are not known
     NoRigError (ValueError)            weights of a face whose units are not known
+    NoVerticesError (ValueError)       vertices of a clip of weights alone
     UnitNamesError (ValueError)        units that the format does not know
   OntoError (ValueError)      an avatar that cannot be read, or has no unit of ours
   AvatarNotFoundError (FileNotFoundError)
@@ -169,8 +170,20 @@ class NoRigError(OutputError, ValueError):
     def to_write(cls, suffix: str) -> NoRigError:
         """The error for a format, or for weights, that need a rig."""
         return cls(
-            f"{suffix} need face units (names and deltas (K, V, 3)), and this face has none: give "
-            "them as `rig`, dataclasses.replace(clip, rig=facecode.Rig(names, deltas))"
+            f"{suffix} need face units (names and deltas (K, V, 3)), and this face has none: "
+            "export the bundle with --units FILE.npz, or give them as `rig`, "
+            "dataclasses.replace(clip, rig=facecode.Rig(names, deltas))"
+        )
+
+
+class NoVerticesError(OutputError, ValueError):
+    """The clip has weights alone."""
+
+    @classmethod
+    def to_give(cls, what: str) -> NoVerticesError:
+        """The error for a format, or for `vertices`."""
+        return cls(
+            f"{what} need vertices, and this clip was animated with vertices=False: leave that out"
         )
 
 

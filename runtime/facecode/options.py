@@ -32,6 +32,8 @@ class BatchOptions(TypedDict, total=False):
     .npy, .ply, .obj or (V, 3)."""
     sample_rate: int | None
     """Of audio arrays, in Hz; the bundle's rate by default."""
+    vertices: bool
+    """False: weights of the rig's units alone, without forming a vertex; True by default."""
 
 
 class Options(BatchOptions, total=False):

@@ -8,6 +8,8 @@ variable at a time takes over, which ends. Knows nothing of names, bundles or fi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +25,34 @@ Float64 = NDArray[np.float64]
 LOWER, FREE, UPPER = 0, 1, 2
 
 
+@dataclass(frozen=True)
+class WeightProblem:
+    """The box problem of a rig: what weights of its units are solved from."""
+
+    gram: Float64
+    """(K, K) products of the units, with the ridge, over `scale`"""
+    scale: float
+    """The mean square of the units; 0: no unit moves anything."""
+
+    @classmethod
+    def of(cls, deltas: Float32, ridge: float = RIDGE) -> WeightProblem:
+        """Of units (K, V, 3), with `ridge` of the mean diagonal added to it."""
+        flat = deltas.reshape(len(deltas), -1).astype(np.float64)
+        gram = flat @ flat.T
+        scale = float(np.trace(gram)) / len(gram)
+        gram[np.diag_indices_from(gram)] += ridge * scale + np.finfo(np.float64).tiny
+        return cls(gram / scale if scale else gram, scale)
+
+    def solve(self, products: Float64) -> Float32:
+        """Products (T, K) of offsets with the units to weights (T, K) float32 in [0, 1]."""
+        weights = np.zeros(products.shape, np.float32)
+        if self.scale:
+            for start in range(0, len(products), CHUNK):
+                chunk = slice(start, start + CHUNK)
+                weights[chunk] = solve_box(self.gram, products[chunk] / self.scale)
+        return weights
+
+
 def solve_weights(offsets: Offsets, deltas: Float32, ridge: float = RIDGE) -> Float32:
     """Weights (T, K) float32 in [0, 1] for which `weights @ deltas` is nearest to the offsets.
 
@@ -32,17 +62,11 @@ def solve_weights(offsets: Offsets, deltas: Float32, ridge: float = RIDGE) -> Fl
         ridge: share of the mean diagonal that is added to it.
     """
     flat = deltas.reshape(len(deltas), -1).astype(np.float64)
-    gram = flat @ flat.T
-    mean = float(np.trace(gram)) / len(gram)
-    gram[np.diag_indices_from(gram)] += ridge * mean + np.finfo(np.float64).tiny
-    if mean == 0:
-        return np.zeros((len(offsets), len(deltas)), np.float32)
-    weights = np.empty((len(offsets), len(deltas)), np.float32)
+    products = np.empty((len(offsets), len(deltas)))
     for start in range(0, len(offsets), CHUNK):
         chunk = slice(start, start + CHUNK)
-        wanted = offsets[chunk].reshape(len(offsets[chunk]), -1).astype(np.float64) @ flat.T
-        weights[chunk] = solve_box(gram / mean, wanted / mean)
-    return weights
+        products[chunk] = offsets[chunk].reshape(len(offsets[chunk]), -1).astype(float) @ flat.T
+    return WeightProblem.of(deltas, ridge).solve(products)
 
 
 def solve_box(gram: Float64, wanted: Float64) -> Float64:

@@ -150,7 +150,7 @@ def test_a_defect_exits_1_without_a_traceback(monkeypatch, capsys, tmp_path):
     def fail(*_args, **_kwargs):
         raise ZeroDivisionError("oops")
 
-    monkeypatch.setattr("facecode.animator.Animator.animate", fail)
+    monkeypatch.setattr("facecode.loop.engine.Engine.encode", fail)
     out = str(tmp_path / "talk.npz")
     assert main(["animate", str(SPEECH), "--bundle", str(TINY), "-o", out]) == 1
     err = capsys.readouterr().err

@@ -11,9 +11,12 @@ import numpy as np
 
 from facecode.arrays import Faces
 from facecode.bundle_files import file_sha256
+from facecode.clip import Rig
 from facecode.rig_file import write_rig
+from facecode.session import Compute, Graph
 from facecode_exporter.bundles.graph_set import SystemGraph, graph_set
 from facecode_exporter.bundles.neutral import Neutral
+from facecode_exporter.bundles.rig_projection import rig_projection
 from facecode_exporter.nets.cdface import Trained
 from facecode_spec.entries import FileEntry, PartEntry, ReachEntry
 from facecode_spec.graphs import DECODER_STEP, MOTION_DECODER, OPSET, VERTEX_HEAD, part_file
@@ -31,7 +34,7 @@ LICENCE = (
     "The weights keep the licence of the checkpoints named under 'sources'. Models trained on "
     "VOCASET or BIWI are for non-commercial research, as those data sets are."
 )
-CODEBOOK, VERTICES = "codebook", "vertices"
+CODEBOOK, VERTICES, PROJECTION = "codebook", "vertices", "rig_projection"
 TEMPLATE = "template.npy"
 FACES, COLOURS, RIG = "faces.npy", "colours.npy", "rig.npz"
 DEFAULT_WINDOW = 8
@@ -58,12 +61,24 @@ def write_arrays(net: Trained, folder: Path, neutral: Neutral) -> None:
     if neutral.colours is not None:
         np.save(folder / COLOURS, neutral.colours)
     if neutral.rig is not None:
-        with (folder / RIG).open("wb") as file:
-            write_rig(neutral.rig, file)
+        _write_rig(net.system, folder, neutral, neutral.rig)
     for name, indices in neutral.regions.items():
         np.save(folder / _region_file(name), indices.astype(np.int32))
     for name, vertices in neutral.identities.items():
         np.save(folder / _identity_file(name), vertices.astype(np.float32))
+
+
+def _write_rig(system: SystemSpec, folder: Path, neutral: Neutral, rig: Rig) -> None:
+    """The face units, and what gives weights of them from the hidden frames of each part."""
+    with (folder / RIG).open("wb") as file:
+        write_rig(rig, file)
+    for graph in graph_set(system):
+        if graph.part is not None and graph.spec.name == VERTEX_HEAD:
+            head = Graph(folder / graph.file, graph.entry, Compute(threads=1))
+            n_hidden = int(graph.entry.input("hidden").axes[2])
+            own = neutral.parts.get(graph.part.name)
+            projection = rig_projection(head, n_hidden, rig.deltas, own)
+            np.save(folder / _array_file(system, graph.part, PROJECTION), projection)
 
 
 def _array_file(system: SystemSpec, part: PartSpec, name: str) -> str:
@@ -114,7 +129,9 @@ def manifest_of(
         rig=None if neutral.rig is None else RigEntry(neutral.rig.names, RIG),
         topology=None if neutral.faces is None else topology(neutral.faces),
         speech_encoder=graphs[0].entry,
-        parts=tuple(_part_entry(system, part, graphs) for part in system.parts),
+        parts=tuple(
+            _part_entry(system, part, graphs, neutral.rig is not None) for part in system.parts
+        ),
         files=files_of(folder),
         system=system,
         opset=OPSET,
@@ -128,7 +145,9 @@ def manifest_of(
     )
 
 
-def _part_entry(system: SystemSpec, part: PartSpec, graphs: Sequence[SystemGraph]) -> PartEntry:
+def _part_entry(
+    system: SystemSpec, part: PartSpec, graphs: Sequence[SystemGraph], has_rig: bool
+) -> PartEntry:
     own = {graph.spec.name: graph.entry for graph in graphs if graph.part == part}
     _, decoder = part.prior
     return PartEntry(
@@ -142,6 +161,7 @@ def _part_entry(system: SystemSpec, part: PartSpec, graphs: Sequence[SystemGraph
         n_samples=part.n_samples,
         conditions_on=part.conditions_on,
         vertices=None if part.n_vertices is None else _array_file(system, part, VERTICES),
+        rig_projection=_array_file(system, part, PROJECTION) if has_rig else None,
     )
 
 

@@ -150,7 +150,7 @@ class QueryStage:
         predicted = []
         if half > 0:
             before = _rows(conditions, slice(half))
-            predicted.append(features_of(self.net, memory[:half], styles[:half], before))
+            predicted.append(unprompted(self.net, memory[:half], styles[:half], before))
         if half < len(memory):
             after = _rows(conditions, slice(half, None))
             predicted.append(self._with_own_past(memory[half:], styles[half:], after))
@@ -161,7 +161,7 @@ class QueryStage:
     ) -> Tensor:
         """(B, K, T, H, C): every sample goes on from what its own head says without a past."""
         with torch.no_grad():
-            first = features_of(self.net, memory, styles, conditions)
+            first = unprompted(self.net, memory, styles, conditions)
             _, past = self.net.autoencoder.decode_features(first.flatten(0, 1))
         k = self.net.part.n_samples
         sample = torch.arange(k).repeat(len(memory))
@@ -177,7 +177,7 @@ class QueryStage:
         for net in self.earlier:
             memory = net.audio_feature_map(speech)
             picked = torch.randint(net.part.n_samples, (len(speech),))
-            first = features_of(net, memory, styles, vectors)[torch.arange(len(speech)), picked]
+            first = unprompted(net, memory, styles, vectors)[torch.arange(len(speech)), picked]
             _, past = net.autoencoder.decode_features(first)
             features = continued(net, memory, styles, vectors, past, picked)
             quantize = net.autoencoder.quantize
@@ -185,14 +185,12 @@ class QueryStage:
         return vectors
 
 
-def features_of(
-    net: PartNet, memory: Tensor, styles: Tensor, conditions: dict[str, Tensor]
-) -> Tensor:
+def unprompted(net: PartNet, memory: Tensor, styles: Tensor, vectors: dict[str, Tensor]) -> Tensor:
     """Features (B, K, T, H, C) of all heads with no past at all, over memory (B, T * rows, D)."""
     n_rows = net.system.speech_encoder.memory_rows_per_frame
     n_frames = memory.shape[1] // n_rows
     past = memory.new_zeros(len(memory), n_frames - 1, 3 * net.n_vertices)
-    tokens = net.tokens(net.learnable_style_emb(styles), past, conditions)
+    tokens = net.tokens(net.learnable_style_emb(styles), past, vectors)
     return net.every_head(tokens, memory).transpose(1, 2)
 
 

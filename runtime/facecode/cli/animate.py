@@ -26,6 +26,7 @@ from facecode.cli.options import (
     positive,
 )
 from facecode.errors import OutputFolderError, OutputSuffixError, SampleError
+from facecode.options import Options
 from facecode.takes import Takes
 from facecode.writers.onto import onto
 
@@ -50,7 +51,11 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
 def _add_output(animate: argparse.ArgumentParser) -> None:
     where = animate.add_mutually_exclusive_group(required=True)
     where.add_argument(
-        "-o", "--output", metavar="FILE", help=f"{', '.join(writers.FORMATS)}, or - (npz)"
+        "-o",
+        "--output",
+        action="append",
+        metavar="FILE",
+        help=f"{', '.join(writers.FORMATS)}, or - (npz); several, as in -o talk.glb -o talk.csv",
     )
     animate.add_argument(
         "--onto",
@@ -114,41 +119,54 @@ def run_animate(args: argparse.Namespace) -> int | None:
 
 
 def _animate_one(args: argparse.Namespace, source: str) -> None:
-    to_stdout = args.output == STANDARD_STREAM
-    output = Path("animation.npz" if to_stdout else args.output)
-    if not to_stdout:
-        writers.check_output(output)
+    to_stdout = args.output == [STANDARD_STREAM]
+    outputs = [Path("animation.npz")] if to_stdout else [Path(name) for name in args.output]
+    for output in outputs:
+        if str(output) == STANDARD_STREAM:
+            raise OutputSuffixError("- stands alone; leave the other outputs out")
+        if not to_stdout:
+            writers.check_output(output)
     hold = dict(parse_hold(text) for text in args.hold)
     audio = io.BytesIO(sys.stdin.buffer.read()) if source == STANDARD_STREAM else Path(source)
     start = time.perf_counter()
     face = facecode.load(args.bundle, compute=compute_of(args))
-    writers.check_face(
-        writers.format_of(output), face.bundle.faces is not None, face.bundle.rig is not None
-    )
-    clip = face.animate(
-        audio,
-        parse_style(args.style),
-        mode=args.mode,
-        window=args.window,
-        template=args.template,
-        samples=args.samples,
-        hold=hold,
-        progress=not args.quiet,
-    )
-    if to_stdout:
-        _write_stdout(clip, output)
-        return
-    if args.onto is not None:
-        _save_onto(clip, args.onto, output, args.quiet)
+    formats = [writers.format_of(output) for output in outputs]
+    for found in formats:
+        writers.check_face(found, face.bundle.faces is not None, face.bundle.rig is not None)
+    options: Options = {
+        "mode": args.mode,
+        "window": args.window,
+        "template": args.template,
+        "hold": hold,
+        "vertices": not face.gives_weights or any(found.needs_vertices for found in formats),
+        "progress": not args.quiet,
+    }
+    style = parse_style(args.style)
+    if len(outputs) == 1 and args.samples is None and args.onto is None and not to_stdout:
+        blocks = face.blocks(audio, style, **options)
+        blocks.save(outputs[0], progress=not args.quiet)
+        summary = _summary(blocks.still, blocks.n_frames)
     else:
-        clip.save(output, progress=not args.quiet)
+        clip = face.animate(audio, style, samples=args.samples, **options)
+        if to_stdout:
+            _write_stdout(clip, outputs[0])
+            return
+        for output in outputs:
+            if args.onto is not None:
+                _save_onto(clip, args.onto, output, args.quiet)
+            else:
+                clip.save(output, progress=not args.quiet)
+        first = clip[0] if isinstance(clip, Takes) else clip
+        summary = _summary(first, first.n_frames, len(clip) if isinstance(clip, Takes) else 1)
     if not args.quiet:
-        print(f"{output}: {_summary(clip)}, in {time.perf_counter() - start:.2f} s")
+        names = ", ".join(map(str, outputs))
+        print(f"{names}: {summary}, in {time.perf_counter() - start:.2f} s")
 
 
 def _check_onto(args: argparse.Namespace) -> None:
     """Refuse `--onto` with what it does not go with, before the work is done."""
-    if args.out_dir is not None or Path(args.output).suffix.lower() != ".glb":
+    output = [] if args.output is None else args.output
+    if len(output) != 1 or Path(output[0]).suffix.lower() != ".glb":
         raise OutputSuffixError("--onto writes one .glb; give -o FILE.glb")
     if args.samples is not None:
         raise SampleError("--onto takes one face; leave --samples out")
@@ -170,10 +188,9 @@ def _write_stdout(clip: facecode.Animation | Takes, output: Path) -> None:
     sys.stdout.buffer.flush()
 
 
-def _summary(clip: facecode.Animation | Takes) -> str:
-    several = f"{len(clip)} faces, " if isinstance(clip, Takes) else ""
-    first = clip[0] if isinstance(clip, Takes) else clip
+def _summary(face: facecode.Animation, n_frames: int, n_faces: int = 1) -> str:
+    several = f"{n_faces} faces, " if n_faces > 1 else ""
     return (
-        f"{several}{first.n_frames} frames at {first.fps:g} fps ({first.duration_s:.2f} s), "
-        f"{len(first.template):,} vertices"
+        f"{several}{n_frames} frames at {face.fps:g} fps ({n_frames / face.fps:.2f} s), "
+        f"{len(face.template):,} vertices"
     )

@@ -12,12 +12,19 @@ import numpy as np
 
 from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets
 from facecode.bundle import Bundle
-from facecode.clip import Clip
 from facecode.errors import ModeError
 from facecode.loop.exact import PrefixMotion
-from facecode.loop.part import HEAD_CHUNK, Part
-from facecode.loop.request import Request, Window, check_codes, sample_heads
-from facecode.loop.step import Frame, GeneratedPart, HeldPart, MotionState, PartLoop, run_loop
+from facecode.loop.part import HEAD_CHUNK, Part, offsets_of, products_of
+from facecode.loop.request import Request, Window, check_codes, request_of
+from facecode.loop.step import (
+    Frame,
+    GeneratedPart,
+    HeldPart,
+    MotionState,
+    PartLoop,
+    run_loop,
+    with_bar,
+)
 from facecode.loop.window import WindowMotion
 from facecode.options import Held, Samples
 from facecode.session import Compute, Graph
@@ -60,33 +67,11 @@ class Engine:
         window: Window | None = None,
         samples: Samples | None = None,
         hold: Held | None = None,
+        vertices: bool = True,
         progress: bool = False,
     ) -> Request:
-        """What to generate, checked against the parts.
-
-        Args:
-            weights: of the styles, (n_styles,), or (n_clips, n_styles); the first style by default.
-            window: None for `exact`.
-            samples: see `Animator.animate`.
-            hold: codes (T, H), or a clip, by part name.
-            progress: show a bar on stderr.
-
-        Raises:
-            SampleError, CodesError.
-            ModeError: a part to hold that there is not.
-        """
-        if weights is None:
-            weights = np.eye(1, self.parts[0].n_styles, dtype=np.float32)[0]
-        held = {name: self._held(name, kept) for name, kept in (hold or {}).items()}
-        heads = sample_heads(samples, self.parts, held)
-        return Request(weights, heads, window, held, progress)
-
-    def _held(self, name: str, kept: AnyArray | Clip) -> Codes:
-        part = {p.name: p for p in self.parts}.get(name)
-        if part is None:
-            names = ", ".join(p.name for p in self.parts)
-            raise ModeError(f"got {name!r} to hold; expected one of {names}")
-        return check_codes(kept.codes_of(name) if isinstance(kept, Clip) else kept, part)
+        """What to generate, checked against the parts; see `request_of` for each and errors."""
+        return request_of(self.parts, weights, window, samples, hold, vertices, progress)
 
     def encode(self, waveform: Audio) -> Memory:
         """Waveform (n_samples,) at the bundle's rate to the memory of its T frames.
@@ -125,16 +110,31 @@ class Engine:
             motion = WindowMotion(part.motion, n_rows, shape, window.frames, window.delay)
         return GeneratedPart(part, memories, weights, heads, motion)
 
-    def move(self, memories: Sequence[Memory], request: Request) -> list[tuple[Codes, Offsets]]:
-        """Codes (K, T, H) and offsets (K, T, V, 3) of each clip, K faces a clip; see `frames`."""
-        faces = Faces(self.parts, self.n_vertices, len(memories))
+    def move(self, memories: Sequence[Memory], request: Request) -> list[tuple[Codes, AnyArray]]:
+        """Codes (K, T, H) and offsets (K, T, V, 3) of each clip, K faces a clip; see `frames`.
+
+        Without vertices products (K, T, U) in place of offsets.
+        """
+        faces = self._faces(request, len(memories))
         frames = self.frames(memories, request)
-        for frame in _with_bar(frames, memories[0].n_frames, request.progress):
+        for frame in with_bar(frames, memories[0].n_frames, request.progress):
             faces.add(frame)
         return [faces.take(clip) for clip in range(len(memories))]
 
-    def animate(self, waveform: Audio, request: Request | None = None) -> tuple[Codes, Offsets]:
-        """Codes (K, T, H) and offsets (K, T, V, 3) of one waveform.
+    def blocks(self, memory: Memory, request: Request) -> Iterator[tuple[Codes, AnyArray]]:
+        """What `move` gives of one clip, a few seconds at a time in `window` mode; see `frames`.
+
+        In `exact` mode, or with codes to hold, it comes as one block: no frame is final before.
+        """
+        frames = with_bar(self.frames([memory], request), memory.n_frames, request.progress)
+        as_final = request.window is not None and not request.hold
+        return blocks(self._faces(request, 1), frames, as_final)
+
+    def _faces(self, request: Request, n_clips: int) -> Faces:
+        return Faces(self.parts, self.n_vertices if request.vertices else None, n_clips)
+
+    def animate(self, waveform: Audio, request: Request | None = None) -> tuple[Codes, AnyArray]:
+        """Codes (K, T, H) and offsets (K, T, V, 3), or products, of one waveform.
 
         Args:
             waveform: (n_samples,) at the bundle's rate.
@@ -161,7 +161,8 @@ class Engine:
 class Faces:
     """Gathers what the loop gives, clip by clip, until it is taken; what is taken is not kept."""
 
-    def __init__(self, parts: Sequence[Part], n_vertices: int, n_clips: int) -> None:
+    def __init__(self, parts: Sequence[Part], n_vertices: int | None, n_clips: int = 1) -> None:
+        """Begin without a frame; without `n_vertices` products are taken in place of offsets."""
         self._parts, self._n_vertices = parts, n_vertices
         self._codes: list[list[list[Codes]]] = [[[] for _ in parts] for _ in range(n_clips)]
         self._hidden: list[dict[int, list[Float32]]] = [{} for _ in parts]
@@ -181,8 +182,11 @@ class Faces:
         """Frames of the first clip that can be taken before it ends."""
         return sum(len(frames) for frames in self._hidden[0].get(0, ()))
 
-    def take(self, clip: int = 0, n: int | None = None) -> tuple[Codes, Offsets]:
-        """The next `n` frames of a clip, or all of it: codes (K, n, H), offsets (K, n, V, 3)."""
+    def take(self, clip: int = 0, n: int | None = None) -> tuple[Codes, AnyArray]:
+        """The next `n` frames of a clip, or all of it: codes (K, n, H), offsets (K, n, V, 3).
+
+        Without vertices the second is the products (K, n, U) with the deltas of the rig.
+        """
         codes = [np.stack(c[:n], axis=1) for c in self._codes[clip]]
         hidden = [self._take_hidden(p, clip, len(c)) for p, c in enumerate(codes)]
         self._codes[clip] = [c[codes[0].shape[1] :] for c in self._codes[clip]]
@@ -195,56 +199,41 @@ class Faces:
         return np.stack([np.concatenate(waiting.pop(row)) for row in rows])
 
 
-def blocks(faces: Faces, frames: Iterable[Frame]) -> Iterator[tuple[Codes, Offsets]]:
-    """Codes (K, n, H) and offsets (K, n, V, 3) of one clip, as frames become final.
+def blocks(
+    faces: Faces, frames: Iterable[Frame], as_final: bool = True
+) -> Iterator[tuple[Codes, AnyArray]]:
+    """Codes (K, n, H) and offsets (K, n, V, 3), or products, of one clip as frames become final.
 
     Nothing that was given is kept, so that a clip may have any length.
+
+    Args:
+        faces: without a frame so far.
+        frames: of the loop.
+        as_final: whether frames become final before the clip ends; else it comes as one block.
     """
     for frame in frames:
         faces.add(frame)
         is_last = not frame.codes
-        if faces.n_final and (is_last or faces.n_final >= HEAD_CHUNK):
+        if as_final and faces.n_final and (is_last or faces.n_final >= HEAD_CHUNK):
             yield faces.take(n=faces.n_final)
+    if not as_final:
+        yield faces.take()
 
 
 def _compose(
     parts: Sequence[Part],
-    n_vertices: int,
+    n_vertices: int | None,
     clip: Sequence[Codes],
     hidden: Sequence[Float32 | None],
-) -> tuple[Codes, Offsets]:
-    """Rows of each part's codes (rows, T, H) to codes and offsets of all faces.
+) -> tuple[Codes, AnyArray]:
+    """Rows of each part's codes (rows, T, H) to codes and offsets, or products, of all faces.
 
     Frames that the loop has decoded already come as `hidden` (rows, T, E).
     """
+    pairs = zip(parts, clip, hidden, strict=True)
+    decoded = [part.hidden_of(c) if h is None else h for part, c, h in pairs]
     n_faces = max(len(codes) for codes in clip)
-    n_frames = clip[0].shape[1]
-    offsets = np.empty((n_faces, n_frames, n_vertices, 3), dtype=np.float32)
-    every = []
-    for part, codes, decoded in zip(parts, clip, hidden, strict=True):
-        share = n_faces // len(codes)
-        part.write_offsets(part.hidden_of(codes) if decoded is None else decoded, offsets[::share])
-        for k in range(1, share):
-            _copy(offsets[::share], offsets[k::share], part)
-        every.append(np.repeat(codes, share, axis=0))
-    return np.concatenate(every, axis=2), offsets
-
-
-def _copy(source: Offsets, target: Offsets, part: Part) -> None:
-    """The part's vertices of `source` into `target`, face by face."""
-    if part.vertices is None:
-        target[...] = source
-    else:
-        target[:, :, part.vertices] = source[:, :, part.vertices]
-
-
-def _with_bar(frames: Iterator[Frame], n_frames: int, shown: bool) -> Iterator[Frame]:
-    if not shown:
-        yield from frames
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=n_frames, desc="animate", unit="frame") as bar:
-        for frame in frames:
-            bar.update(bool(frame.codes))
-            yield frame
+    codes = np.concatenate([np.repeat(c, n_faces // len(c), axis=0) for c in clip], axis=2)
+    if n_vertices is None:
+        return codes, products_of(parts, decoded, n_faces)
+    return codes, offsets_of(parts, decoded, n_faces, n_vertices)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from facecode.arrays import AnyArray, Codes, Features, Float32, Indices, Offsets, Vectors
 from facecode.bundle import Bundle
@@ -139,6 +140,8 @@ class Part:
     conditions_on: tuple[str, ...] = ()
     vertices: Indices | None = None
     """(n,) the part's vertices; None: all."""
+    rig_projection: NDArray[np.float64] | None = None
+    """(U, E + 1): hidden frames, and 1, to the products of offsets with the deltas of the rig."""
 
     @classmethod
     def open(cls, bundle: Bundle, entry: PartEntry, compute: Compute) -> Part:
@@ -174,6 +177,7 @@ class Part:
             n_samples=entry.n_samples,
             conditions_on=entry.conditions_on,
             vertices=bundle.part_vertices(entry),
+            rig_projection=bundle.rig_projection(entry),
         )
 
     @property
@@ -195,6 +199,40 @@ class Part:
                 offsets[:, chunk] = made
             else:
                 offsets[:, chunk, self.vertices] = made
+
+    def copy_offsets(self, source: Offsets, target: Offsets) -> None:
+        """The part's vertices of `source` (K, T, V, 3) into `target`, face by face."""
+        own = slice(None) if self.vertices is None else self.vertices
+        target[:, :, own] = source[:, :, own]
+
+    def products(self, hidden: Float32) -> NDArray[np.float64]:
+        """Hidden frames (B, T, E) to (B, T, U): offsets of the part times the deltas of each unit.
+
+        A frame gives the same bits alone and among others.
+        """
+        assert self.rig_projection is not None, "checked by the request"
+        by_column, constant = self.rig_projection[:, :-1], self.rig_projection[:, -1]
+        return np.asarray(np.einsum("bte,ue->btu", hidden.astype(np.float64), by_column) + constant)
+
+
+def offsets_of(
+    parts: Sequence[Part], hidden: Sequence[Float32], n_faces: int, n_vertices: int
+) -> Offsets:
+    """Offsets (n_faces, T, V, 3) of all parts' hidden frames (rows, T, E)."""
+    n_frames = hidden[0].shape[1]
+    offsets = np.empty((n_faces, n_frames, n_vertices, 3), dtype=np.float32)
+    for part, rows in zip(parts, hidden, strict=True):
+        share = n_faces // len(rows)
+        part.write_offsets(rows, offsets[::share])
+        for k in range(1, share):
+            part.copy_offsets(offsets[::share], offsets[k::share])
+    return offsets
+
+
+def products_of(parts: Sequence[Part], hidden: Sequence[Float32], n_faces: int) -> AnyArray:
+    """Products (n_faces, T, U) float64: the sum of what parts give for their own vertices."""
+    each = [part.products(rows) for part, rows in zip(parts, hidden, strict=True)]
+    return np.asarray(sum(np.repeat(rows, n_faces // len(rows), axis=0) for rows in each))
 
 
 def _sizes(step: GraphEntry) -> Mapping[str, int]:

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from facecode.arrays import AnyArray, Codes, Float32
-from facecode.errors import CodesError, ModeError, SampleError, StyleError, StyleWarning
+from facecode.clip import Clip
+from facecode.errors import CodesError, ModeError, NoRigError, SampleError, StyleError, StyleWarning
 from facecode.loop.part import Part
-from facecode.options import MODES, Samples, Style
+from facecode.options import MODES, Held, Samples, Style
 from facecode_spec.manifest import ModeEntry
 
 
@@ -39,7 +40,51 @@ class Request:
     """None: `exact`, the whole prefix."""
     hold: Mapping[str, Codes] = field(default_factory=dict)
     """Codes (T, H) of the parts that are not generated."""
+    vertices: bool = True
+    """False: weights of face units alone."""
     progress: bool = False
+
+
+def request_of(
+    parts: Sequence[Part],
+    weights: Float32 | None,
+    window: Window | None,
+    samples: Samples | None,
+    hold: Held | None,
+    vertices: bool,
+    progress: bool,
+) -> Request:
+    """What to generate, checked against the parts.
+
+    Args:
+        parts: of the face.
+        weights: of the styles, (n_styles,), or (n_clips, n_styles); the first style by default.
+        window: None for `exact`.
+        samples: see `Animator.animate`.
+        hold: codes (T, H), or a clip, by part name.
+        vertices: False for products with the deltas of the rig in place of offsets.
+        progress: show a bar on stderr.
+
+    Raises:
+        SampleError, CodesError.
+        NoRigError: no vertices, and a bundle without a rig.
+        ModeError: a part to hold that there is not.
+    """
+    if weights is None:
+        weights = np.eye(1, parts[0].n_styles, dtype=np.float32)[0]
+    held = {name: _held(parts, name, kept) for name, kept in (hold or {}).items()}
+    heads = sample_heads(samples, parts, held)
+    if not vertices and any(part.rig_projection is None for part in parts):
+        raise NoRigError.to_write("weights")
+    return Request(weights, heads, window, held, vertices, progress)
+
+
+def _held(parts: Sequence[Part], name: str, kept: AnyArray | Clip) -> Codes:
+    part = {p.name: p for p in parts}.get(name)
+    if part is None:
+        names = ", ".join(p.name for p in parts)
+        raise ModeError(f"got {name!r} to hold; expected one of {names}")
+    return check_codes(kept.codes_of(name) if isinstance(kept, Clip) else kept, part)
 
 
 def refuse_unknown(function: str, options: Collection[str], known: type) -> None:

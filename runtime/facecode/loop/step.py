@@ -214,3 +214,16 @@ def run_loop(
 def _repeated(rows: AnyArray, n: int) -> AnyArray:
     """Rows of clips, or of a part before, for each of the `n` rows that descend from them."""
     return rows if len(rows) == n else np.repeat(rows, n // len(rows), axis=0)
+
+
+def with_bar(frames: Iterator[Frame], n_frames: int, shown: bool) -> Iterator[Frame]:
+    """The same frames, with a bar on stderr if `shown`."""
+    if not shown:
+        yield from frames
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=n_frames, desc="animate", unit="frame") as bar:
+        for frame in frames:
+            bar.update(bool(frame.codes))
+            yield frame

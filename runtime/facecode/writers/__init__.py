@@ -6,16 +6,20 @@ A new format is a new file in this folder and its line in FORMATS.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
+
+import numpy as np
 
 from facecode.clip import Clip
 from facecode.errors import (
     NoFacesError,
     NoRigError,
+    NoVerticesError,
     OutputFolderError,
     OutputSuffixError,
     OutputWriteError,
@@ -100,15 +104,58 @@ def save(clips: Clip | Sequence[Clip], path: Path, progress: bool = False) -> No
         write(clips, file, format_of(path), progress)
 
 
+def save_blocks(
+    face: Clip, n_frames: int, blocks: Iterable[Clip], path: Path, progress: bool = False
+) -> None:
+    """Write one face as its frames come, block by block; whole or not at all.
+
+    Args:
+        face: what is known of it, with no frame.
+        n_frames: of all blocks together.
+        blocks: clips of consecutive frames.
+        path: the file; a format that needs the whole clip gathers it first.
+        progress: show a bar on stderr for formats that take their time.
+
+    Raises:
+        As `save`.
+    """
+    check_output(path)
+    found = format_of(path)
+    check_face(found, face.faces is not None, face.rig is not None)
+    with writing(path) as file:
+        if found.write_blocks is None:
+            write(_whole(face, blocks), file, found, progress)
+        else:
+            found.write_blocks(face, n_frames, (_fitting(b, found) for b in blocks), file)
+
+
+def _whole(face: Clip, blocks: Iterable[Clip]) -> Clip:
+    parts = list(blocks)
+    return dataclasses.replace(
+        face,
+        offsets=np.concatenate([face.offsets, *(part.offsets for part in parts)]),
+        codes=np.concatenate([face.codes, *(part.codes for part in parts)]),
+    )
+
+
+def _fitting(clip: Clip, found: Format) -> Clip:
+    """The clip; NoVerticesError if it has weights alone and the format holds vertices."""
+    has_vertices = clip.offsets.shape[1] == len(clip.template)
+    if not has_vertices and (found.needs_vertices or clip.rig is None):
+        raise NoVerticesError.to_give(found.suffix)
+    return clip
+
+
 def write(
     clips: Clip | Sequence[Clip], file: BinaryIO, found: Format, progress: bool = False
 ) -> None:
     """Write one face, or several of one recording, to an open file that can seek.
 
     Raises:
-        OutputSuffixError, NoFacesError, NoRigError.
+        OutputSuffixError, NoFacesError, NoRigError, NoVerticesError.
     """
     first, n_faces = (clips, 1) if isinstance(clips, Clip) else (clips[0], len(clips))
+    _fitting(first, found)
     check_face(found, first.faces is not None, first.rig is not None, n_faces)
     if isinstance(clips, Clip) or found.write_takes is None:
         found.write(first, file, progress)

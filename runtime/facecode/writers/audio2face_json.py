@@ -39,4 +39,10 @@ def write_blocks_json(face: Clip, n_frames: int, blocks: Iterable[Clip], file: B
     file.write(b"\n]}\n")
 
 
-JSON = Format(".json", of_blocks(write_blocks_json), write_blocks=write_blocks_json, needs_rig=True)
+JSON = Format(
+    ".json",
+    of_blocks(write_blocks_json),
+    write_blocks=write_blocks_json,
+    needs_rig=True,
+    needs_vertices=False,
+)

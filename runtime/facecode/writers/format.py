@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
+
+import numpy as np
 
 from facecode.clip import Clip
 
@@ -34,6 +37,8 @@ class Format:
     """The format shows a surface, or cannot say points without triangles."""
     needs_rig: bool = False
     """The format holds weights of face units."""
+    needs_vertices: bool = True
+    """False: weights of face units will do, where there are units."""
     check: Callable[[], None] | None = None
     """Raises MissingExtraError if a package is missing; None: the core packages will do."""
 
@@ -46,6 +51,27 @@ def of_blocks(write_blocks: WriteBlocks) -> Write:
         write_blocks(clip, clip.n_frames, [clip], file)
 
     return write
+
+
+def gathered(face: Clip, blocks: Iterable[Clip]) -> Clip:
+    """The clip whose frames are those of the blocks; its weights alone where it has a rig."""
+    parts = list(_weights_alone(face, blocks))
+    known = [part.known_weights for part in parts if part.known_weights is not None]
+    return dataclasses.replace(
+        face,
+        offsets=np.concatenate([part.offsets for part in parts]) if parts else face.offsets,
+        codes=np.concatenate([part.codes for part in parts]) if parts else face.codes,
+        known_weights=np.concatenate(known) if known else None,
+    )
+
+
+def _weights_alone(face: Clip, blocks: Iterable[Clip]) -> Iterator[Clip]:
+    for block in blocks:
+        if face.rig is None:
+            yield block
+        else:
+            none = block.offsets[:, :0].copy()
+            yield dataclasses.replace(block, offsets=none, known_weights=block.weights)
 
 
 def by_path(suffix: str, write: Callable[[Clip, Path, bool], None]) -> Write:

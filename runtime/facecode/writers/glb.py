@@ -9,7 +9,7 @@ The sound is not in it: glTF has no place for it. Knows nothing of bytes (`gltf/
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
@@ -19,7 +19,7 @@ from facecode.arrays import Float32
 from facecode.clip import Clip
 from facecode.errors import NoFacesError
 from facecode.writers.components import components_of
-from facecode.writers.format import Format
+from facecode.writers.format import Format, gathered
 from facecode.writers.gltf.animation import add_animation
 from facecode.writers.gltf.document import INDICES, VERTICES, Document, narrow
 from facecode.writers.space import metres_per_unit, metres_y_up
@@ -58,6 +58,17 @@ def write_glb(clip: Clip, file: BinaryIO, progress: bool = False) -> None:  # no
         OutputWriteError: over 4 GiB.
     """
     document_of([clip]).write(file)
+
+
+def write_blocks_glb(face: Clip, n_frames: int, blocks: Iterable[Clip], file: BinaryIO) -> None:
+    """Write a clip that comes in blocks; with a rig only its weights are held.
+
+    Raises:
+        NoFacesError: the clip has no triangles.
+        OutputWriteError: over 4 GiB.
+    """
+    del n_frames
+    write_glb(gathered(face, blocks), file)
 
 
 def write_takes_glb(clips: Sequence[Clip], file: BinaryIO, progress: bool = False) -> None:  # noqa: ARG001
@@ -185,4 +196,6 @@ def _width(clip: Clip) -> float:
     return float(np.ptp(metres_y_up(clip, clip.template)[:, 0]))
 
 
-GLB = Format(".glb", write_glb, write_takes_glb, needs_faces=True)
+GLB = Format(
+    ".glb", write_glb, write_takes_glb, write_blocks_glb, needs_faces=True, needs_vertices=False
+)

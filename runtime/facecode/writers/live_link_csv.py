@@ -52,4 +52,10 @@ def timecode(index: int, fps: float) -> str:
     return f"{hours:02d}:{minutes:02d}:{seconds:02d}:{thousandths / 1000:06.3f}"
 
 
-CSV = Format(".csv", of_blocks(write_blocks_csv), write_blocks=write_blocks_csv, needs_rig=True)
+CSV = Format(
+    ".csv",
+    of_blocks(write_blocks_csv),
+    write_blocks=write_blocks_csv,
+    needs_rig=True,
+    needs_vertices=False,
+)

@@ -91,4 +91,10 @@ def _write(fps: float, kind: str, by_name: Mapping[str, Float32], file: BinaryIO
     document.write(file)
 
 
-VRMA = Format(".vrma", of_blocks(write_blocks_vrma), write_blocks=write_blocks_vrma, needs_rig=True)
+VRMA = Format(
+    ".vrma",
+    of_blocks(write_blocks_vrma),
+    write_blocks=write_blocks_vrma,
+    needs_rig=True,
+    needs_vertices=False,
+)

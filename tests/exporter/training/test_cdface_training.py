@@ -16,7 +16,7 @@ from facecode_exporter.face_parts import part_vertices, variant
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.training import run
 from facecode_exporter.training.config import cdface_defaults
-from facecode_exporter.training.query import QueryStage, heard, sort_heads, start_from_one
+from facecode_exporter.training.query import QueryStage, sort_heads, start_from_one, unprompted
 from facecode_spec.systems import SYSTEMS
 
 TINY = SYSTEMS["cdface-tiny"]
@@ -172,8 +172,8 @@ def test_samples_start_near_the_one_that_was_trained():
     memory, style = torch.randn(1, 24, net.audio_feature_map.out_features), torch.tensor([0])
     n = memory.shape[1] // TINY.speech_encoder.memory_rows_per_frame
     with torch.no_grad():
-        many = heard(net, memory, style, {})
-        single = heard(one, memory, style, {}).expand_as(many)
+        many = unprompted(net, memory, style, {})
+        single = unprompted(one, memory, style, {}).expand_as(many)
     assert many.shape[:3] == (1, TINY.parts[0].n_samples, n)
     torch.testing.assert_close(many, single, rtol=0, atol=0.05)
     assert (many[:, 0] != many[:, 1]).any()
