@@ -1,22 +1,25 @@
 """Audio of any kind to what the speech encoder hears.
 
-Comes in: a file, a stream or an array. Goes out: mono float32 at the model's rate, finite and long
-enough for one frame. Knows nothing of bundles or graphs.
+Comes in: a file, a pipe, a stream or an array. Goes out: mono float32 at the model's rate, finite.
+Trusts no header: a recording is as long as what can be decoded of it. Knows nothing of bundles or
+graphs.
 """
 
 from __future__ import annotations
 
+import io
 import os
-from dataclasses import dataclass
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, TypeAlias
+from typing import Any, BinaryIO, TypeAlias, cast
 
 import numpy as np
 
 from facecode.arrays import AnyArray, Audio
 from facecode.errors import (
     AudioNotFoundError,
-    AudioTooShortError,
+    AudioWarning,
     EmptyAudioError,
     NonFiniteAudioError,
     UnreadableAudioError,
@@ -26,7 +29,14 @@ SPEECH = Path(__file__).parent / "assets" / "speech.flac"
 """The packaged recording; see LICENSE-speech.txt beside it."""
 
 BLOCK = 1 << 20
-"""Samples whose squares are held at once."""
+"""Samples that are read and mixed at once."""
+LOUDEST = 16.0
+"""Floats beyond it are no samples in [-1, 1], however hot the recording."""
+CANCELLED = 1e-4
+"""Share of the channels' energy below which their mix is called silent: -40 dB."""
+MOST_CHANNELS = 64
+QUIETEST_PEAK = 1 << 15
+"""int32 samples that stay below are 96 dB under full scale: values of 16 bits in a wider type."""
 
 AudioSource: TypeAlias = "str | os.PathLike[str] | BinaryIO | AnyArray"
 
@@ -42,99 +52,177 @@ def load_audio(source: AudioSource, rate: int, array_rate: int | None = None) ->
 
     Raises:
         AudioNotFoundError, UnreadableAudioError, EmptyAudioError, NonFiniteAudioError.
+
+    Warns:
+        AudioWarning: channels of opposite phase, which cancel each other.
     """
     if isinstance(source, np.ndarray):
-        samples, source_rate = _as_float(source), array_rate or rate
+        source_rate, blocks = array_rate or rate, iter([_as_float(source)])
     else:
-        samples, source_rate = _read(source)
-    if samples.size == 0:
+        source_rate, blocks = _read(source, BLOCK)
+    mono = _joined(list(_resampled(_mixed(blocks), source_rate, rate)))
+    if not len(mono):
         raise EmptyAudioError("the audio has no samples; give at least one frame of sound")
-    if not np.isfinite(samples).all():
-        n_bad = int(samples.size - np.isfinite(samples).sum())
-        raise NonFiniteAudioError(
-            f"{n_bad} of {samples.size} audio samples are NaN or infinite; repair the recording"
+    return mono
+
+
+def _mixed(blocks: Iterator[AnyArray]) -> Iterator[Audio]:
+    """Blocks (n, n_channels) or (n,) as mono, checked."""
+    n_samples = n_bad = 0
+    peak = of_channels = of_mix = 0.0
+    for block in blocks:
+        n_samples += block.size
+        n_bad += block.size - int(np.isfinite(block).sum())
+        if n_bad:
+            continue
+        mono = block if block.ndim == 1 else block.mean(axis=1, dtype=np.float32)
+        peak = max(peak, float(np.abs(block).max(initial=0)))
+        of_channels += (
+            float(np.square(block, dtype=np.float64).sum()) * len(mono) / max(block.size, 1)
         )
-    mono = samples if samples.ndim == 1 else samples.mean(axis=1, dtype=np.float32)
-    if source_rate != rate:
-        import soxr
-
-        mono = soxr.resample(mono, source_rate, rate, quality="HQ")
-    return np.ascontiguousarray(mono, dtype=np.float32)
-
-
-def normalise(audio: Audio) -> Audio:
-    """Zero mean and unit variance over the clip, as wav2vec 2.0 was trained on; see `Level`."""
-    return Level.of(audio).apply(audio)
-
-
-@dataclass(frozen=True)
-class Level:
-    """Mean and deviation of a clip, to normalise all of it or a piece at a time.
-
-    `(x - mean) / sqrt(var + 1e-7)` with the population variance; sums in float64, so that an
-    hour of audio is as exact as a second. Silence stays zero.
-    """
-
-    mean: np.float64
-    deviation: np.float64
-
-    @classmethod
-    def of(cls, audio: Audio) -> Level:
-        """Measure a clip (n_samples,)."""
-        blocks = range(0, len(audio), BLOCK)
-        mean = sum(audio[i : i + BLOCK].sum(dtype=np.float64) for i in blocks) / len(audio)
-        squares = (np.square(audio[i : i + BLOCK] - mean, dtype=np.float64) for i in blocks)
-        variance = sum(block.sum() for block in squares) / len(audio)
-        return cls(np.float64(mean), np.sqrt(np.float64(variance) + 1e-7))
-
-    def apply(self, audio: Audio) -> Audio:
-        """The clip, or a piece of it, normalised."""
-        normalised: Audio = ((audio - self.mean) / self.deviation).astype(np.float32)
-        return normalised
+        of_mix += float(np.square(mono, dtype=np.float64).sum())
+        yield np.ascontiguousarray(mono, dtype=np.float32)
+    if n_bad:
+        raise NonFiniteAudioError(
+            f"{n_bad} of {n_samples} audio samples are NaN or infinite; repair the recording"
+        )
+    if peak > LOUDEST:
+        raise UnreadableAudioError(
+            f"the audio has samples up to {peak:g}; expected floats in [-1, 1]. Divide samples of "
+            "16 bits by 32768"
+        )
+    if of_mix < CANCELLED * of_channels:
+        warnings.warn(
+            "the channels are of opposite phase and cancel each other; give one of them",
+            AudioWarning,
+            stacklevel=4,
+        )
 
 
-def require_one_frame(audio: Audio, rate: int, min_samples: int) -> None:
-    """Refuse audio that is too short for a single frame.
+def _resampled(blocks: Iterator[Audio], source_rate: int, rate: int) -> Iterator[Audio]:
+    """Blocks at `rate`; the result does not depend on how the audio is cut."""
+    if source_rate == rate:
+        yield from blocks
+        return
+    import soxr
+
+    stream = soxr.ResampleStream(source_rate, rate, 1, dtype="float32", quality="HQ")
+    for block in blocks:
+        yield stream.resample_chunk(block)
+    yield stream.resample_chunk(np.zeros(0, np.float32), last=True)
+
+
+def _joined(blocks: list[Audio]) -> Audio:
+    """One array; each block is let go when it has been copied."""
+    joined = np.empty(sum(map(len, blocks)), np.float32)
+    start = 0
+    while blocks:
+        block = blocks.pop(0)
+        joined[start : start + len(block)] = block
+        start += len(block)
+    return joined
+
+
+def _read(source: str | os.PathLike[str] | BinaryIO, n: int) -> tuple[int, Iterator[AnyArray]]:
+    """The rate of a recording, and its samples (up to `n`, n_channels) float32, block by block.
 
     Raises:
-        AudioTooShortError
+        AudioNotFoundError: no such file.
+        UnreadableAudioError: not audio that libsndfile reads; also while blocks are taken.
     """
-    if len(audio) < min_samples:
-        raise AudioTooShortError(
-            f"the audio is {1000 * len(audio) / rate:.1f} ms long; one frame needs "
-            f"{1000 * min_samples / rate:.1f} ms ({min_samples} samples at {rate} Hz)"
-        )
-
-
-def _read(source: str | os.PathLike[str] | BinaryIO) -> tuple[AnyArray, int]:
     import soundfile
 
-    name = "the audio stream"
-    if isinstance(source, (str, os.PathLike)):
-        name = os.fspath(source)
-        if not Path(source).is_file():
-            what = "is a folder, not an audio file" if Path(source).is_dir() else "does not exist"
-            raise AudioNotFoundError(f"{name} {what}")
+    name, opened = _opened(source)
     try:
-        samples, rate = soundfile.read(source, dtype="float32", always_2d=True)
-    except (soundfile.LibsndfileError, RuntimeError, TypeError) as error:
-        reason = getattr(error, "error_string", str(error)).strip()
-        raise UnreadableAudioError(
-            f"{name} is not audio that libsndfile reads ({reason}); "
-            "convert it to wav, flac, ogg or mp3"
-        ) from error
-    return samples, int(rate)
+        sound = _forward(soundfile)(opened)
+    except (soundfile.LibsndfileError, RuntimeError, TypeError, ValueError, OSError) as error:
+        raise _unreadable(name, error) from error
+    return int(sound.samplerate), _blocks(sound, n, name)
 
 
 def _as_float(samples: AnyArray) -> AnyArray:
-    if samples.ndim not in (1, 2):
+    """An array (n,) or (n, n_channels) of samples as float32 in [-1, 1].
+
+    Raises:
+        UnreadableAudioError: another shape or type, or integers of 16 bits in a wider type.
+    """
+    shape = samples.shape
+    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] > MOST_CHANNELS):
+        turned = f"; give its transpose ({shape[1]}, {shape[0]})" if len(shape) == 2 else ""
         raise UnreadableAudioError(
-            f"audio array has shape {samples.shape}; expected (n,) or (n, n_channels)"
+            f"audio array has shape {shape}; expected (n,) or (n, n_channels){turned}"
         )
-    if np.issubdtype(samples.dtype, np.signedinteger):
-        return (samples / -float(np.iinfo(samples.dtype).min)).astype(np.float32)
+    if samples.dtype in (np.int8, np.int16, np.int32):
+        full_scale = -float(np.iinfo(samples.dtype).min)
+        peak = int(np.abs(samples.astype(np.int64)).max(initial=0))
+        if samples.dtype == np.int32 and 0 < peak < QUIETEST_PEAK:
+            raise UnreadableAudioError(
+                f"int32 audio array has samples up to {peak}, of a full scale of 2147483648; if "
+                "they are samples of 16 bits, give them as int16"
+            )
+        return (samples / full_scale).astype(np.float32)
     if not np.issubdtype(samples.dtype, np.floating):
         raise UnreadableAudioError(
-            f"audio array is {samples.dtype}; expected floats in [-1, 1] or signed integers"
+            f"audio array is {samples.dtype}; expected floats in [-1, 1], int16 or int32. Samples "
+            "of 16 bits: array.astype(numpy.int16)"
         )
     return samples.astype(np.float32)
+
+
+def _opened(source: str | os.PathLike[str] | BinaryIO) -> tuple[str, BinaryIO]:
+    """A name for messages, and the open file: libsndfile would not open every name itself."""
+    if hasattr(source, "read"):
+        return "the audio stream", cast(BinaryIO, source)
+    if not isinstance(source, (str, os.PathLike)):
+        raise UnreadableAudioError(
+            f"got audio of type {type(source).__name__}; expected a file name, an open binary "
+            "file, or an array: numpy.asarray(samples, numpy.float32)"
+        )
+    name, path = os.fspath(source), Path(source)
+    shown = os.fsencode(name).decode("utf-8", "backslashreplace")
+    try:
+        if path.is_dir():
+            raise AudioNotFoundError(f"{shown} is a folder, not an audio file")
+        if path.exists() and not path.is_file():  # a pipe, which cannot seek
+            return shown, io.BytesIO(path.read_bytes())
+        return shown, path.open("rb")
+    except FileNotFoundError as error:
+        if isinstance(error, AudioNotFoundError):
+            raise
+        raise AudioNotFoundError(f"{shown} does not exist") from error
+    except (OSError, ValueError) as error:
+        raise AudioNotFoundError(f"{shown} cannot be opened: {error}") from error
+
+
+def _forward(soundfile: Any) -> Any:  # noqa: ANN401
+    """soundfile's class, reading forwards alone: a stated length is never believed."""
+
+    class Forward(soundfile.SoundFile):  # type: ignore[misc]
+        def seekable(self) -> bool:
+            return False
+
+    return Forward
+
+
+def _blocks(sound: Any, n: int, name: str) -> Iterator[AnyArray]:  # noqa: ANN401
+    import soundfile
+
+    if sound.channels > MOST_CHANNELS:
+        raise UnreadableAudioError(f"{name} has {sound.channels} channels; expected 1 to 64")
+    with sound:
+        while True:
+            try:
+                block = sound.read(n, dtype="float32", always_2d=True)
+            except (soundfile.LibsndfileError, RuntimeError, ValueError) as error:
+                raise _unreadable(name, error) from error
+            if len(block):
+                yield block
+            if len(block) < n:
+                return
+
+
+def _unreadable(name: str, error: Exception) -> UnreadableAudioError:
+    reason = str(getattr(error, "error_string", error)).strip()
+    return UnreadableAudioError(
+        f"{name} is not audio that libsndfile reads ({reason}); convert it to wav, flac, ogg or mp3"
+    )

@@ -67,6 +67,10 @@ class NonFiniteAudioError(AudioError):
     """The audio holds NaN or infinite samples."""
 
 
+class AudioWarning(UserWarning):
+    """The audio can be animated, and is hardly what was meant."""
+
+
 class AudioNotFoundError(FacecodeError, FileNotFoundError):
     """No audio file at the given path."""
 

@@ -16,7 +16,8 @@ from typing import Protocol
 import numpy as np
 
 from facecode.arrays import AnyArray, Audio
-from facecode.audio import Level, require_one_frame
+from facecode.errors import AudioTooShortError
+from facecode.level import Level
 from facecode.session import Graph
 from facecode_spec.manifest import Manifest
 
@@ -95,6 +96,19 @@ class LevelledAudio:
         """Samples as the encoder wants them."""
         piece = self.waveform[start:stop]
         return piece if self.level is None else self.level.apply(piece)
+
+
+def require_one_frame(audio: Audio, rate: int, min_samples: int) -> None:
+    """Refuse audio that is too short for a single frame.
+
+    Raises:
+        AudioTooShortError
+    """
+    if len(audio) < min_samples:
+        raise AudioTooShortError(
+            f"the audio is {1000 * len(audio) / rate:.1f} ms long; one frame needs "
+            f"{1000 * min_samples / rate:.1f} ms ({min_samples} samples at {rate} Hz)"
+        )
 
 
 class LongMemory:

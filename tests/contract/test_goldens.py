@@ -72,7 +72,8 @@ def test_window_as_long_as_the_clip_is_exact(golden, golden_bundle):
 
 
 def test_normalised_audio_is_that_of_the_public_code(golden):
-    from facecode.audio import load_audio, normalise
+    from facecode.audio import load_audio
+    from facecode.level import normalise
 
     with np.load(golden.folder / "input_values.npz") as arrays:
         want = arrays[arrays.files[0]].ravel()

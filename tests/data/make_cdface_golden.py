@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from facecode.audio import SPEECH, load_audio, normalise
+from facecode.audio import SPEECH, load_audio
+from facecode.level import normalise
 from facecode_exporter.bundles.neutral import read_neutral
 from facecode_exporter.bundles.writer import write_bundle
 from facecode_exporter.nets.cdface import predict_parts

@@ -1,18 +1,25 @@
 import io
+import os
+import threading
+import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
 from conftest import SPEECH
 
-from facecode.audio import load_audio, normalise, require_one_frame
+from facecode.audio import load_audio
 from facecode.errors import (
     AudioNotFoundError,
     AudioTooShortError,
+    AudioWarning,
     EmptyAudioError,
     NonFiniteAudioError,
     UnreadableAudioError,
 )
+from facecode.level import normalise
+from facecode.speech import require_one_frame
 
 RATE = 16_000
 
@@ -123,3 +130,83 @@ def test_normalise():
     assert abs(x.mean()) < 1e-6
     assert abs(x.std() - 1) < 1e-3
     np.testing.assert_array_equal(normalise(np.zeros(100, np.float32)), 0)
+
+
+def test_a_stream_without_a_length_is_read_whole(tmp_path):
+    rng = np.random.default_rng(0)
+    samples = (rng.standard_normal(40_001) * 3000).astype(np.int16)
+    path = tmp_path / "a.flac"
+    soundfile.write(path, samples, RATE)
+    data = bytearray(path.read_bytes())
+    assert data[:4] == b"fLaC"
+    data[21] &= 0xF0  # the low 4 of the 36 bits of the number of samples
+    data[22:26] = bytes(4)
+    path.write_bytes(data)
+    assert np.array_equal(load_audio(path, RATE), load_audio(samples, RATE))
+    data[21] |= 0x0F
+    data[22:26] = b"\xff" * 4  # 2^36 - 1 samples
+    path.write_bytes(data)
+    assert np.array_equal(load_audio(path, RATE), load_audio(samples, RATE))
+
+
+def test_the_size_of_blocks_does_not_matter(tmp_path, monkeypatch):
+    rng = np.random.default_rng(1)
+    path = tmp_path / "a.wav"
+    soundfile.write(path, rng.uniform(-1, 1, (30_011, 2)).astype(np.float32), 44_100, "FLOAT")
+    whole = load_audio(path, RATE)
+    for block in (1000, 4096):
+        monkeypatch.setattr("facecode.audio.BLOCK", block)
+        assert np.array_equal(load_audio(path, RATE), whole)
+
+
+def test_pipes_and_names_in_another_encoding(tmp_path):
+    data = SPEECH.read_bytes()
+    want = load_audio(SPEECH, RATE)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_bytes, args=(data,))
+    writer.start()
+    assert np.array_equal(load_audio(pipe, RATE), want)
+    writer.join()
+    latin = os.fsencode(tmp_path) + b"/caf\xe9.flac"
+    Path(os.fsdecode(latin)).write_bytes(data)
+    assert np.array_equal(load_audio(os.fsdecode(latin), RATE), want)
+    with pytest.raises(AudioNotFoundError, match=r"caf\\xe8.flac does not exist"):
+        load_audio(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe8.flac"), RATE)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (np.zeros((1, 16000), np.float32), r"transpose \(16000, 1\)"),
+        (np.zeros((2, 16000), np.float32), r"transpose \(16000, 2\)"),
+        (np.arange(-2000, 2000), "int64"),
+        (np.arange(-2000, 2000, dtype=np.int32), "give them as int16"),
+        (np.arange(-2000.0, 2000.0), "Divide samples of 16 bits by 32768"),
+        (np.zeros(100, np.uint8), "uint8"),
+        ([0.0] * 100_000, "type list"),
+        ((16000, np.zeros(100)), "type tuple"),
+        (b"RIFF", "type bytes"),
+    ],
+)
+def test_what_means_something_else_is_refused_briefly(source, message):
+    with pytest.raises(UnreadableAudioError, match=message) as caught:
+        load_audio(source, RATE)
+    assert len(str(caught.value)) < 300
+
+
+def test_integers_of_full_scale_are_samples():
+    quiet = np.zeros(100, np.int32)
+    assert not load_audio(quiet, RATE).any()
+    loud = np.array([0, 1 << 30, -(1 << 31)], np.int32)
+    assert load_audio(loud, RATE).tolist() == [0.0, 0.5, -1.0]
+
+
+def test_channels_that_cancel_are_a_warning(tmp_path):
+    mono = np.sin(np.arange(16000) / 10).astype(np.float32) / 2
+    with pytest.warns(AudioWarning, match="opposite phase"):
+        load_audio(np.stack([mono, -mono], axis=1), RATE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load_audio(np.stack([mono, -mono * np.float32(0.9)], axis=1), RATE)
+        load_audio(np.zeros((100, 2), np.float32), RATE)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facecode import speech as module
-from facecode.audio import Level, normalise
+from facecode.level import Level, normalise
 from facecode.speech import LongMemory, WholeMemory
 
 
@@ -48,7 +48,7 @@ def test_one_window_is_held_at_a_time(tiny, speech, short_windows):
 
 def test_level_is_that_of_the_whole_clip(speech, monkeypatch):
     audio = speech[0]
-    monkeypatch.setattr("facecode.audio.BLOCK", 1000)
+    monkeypatch.setattr("facecode.level.BLOCK", 1000)
     level = Level.of(audio)
     np.testing.assert_allclose(level.mean, audio.mean(dtype=np.float64), atol=1e-12)
     whole = normalise(audio)

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from facecode.arrays import Audio
-from facecode.audio import normalise
+from facecode.level import normalise
 from facecode_exporter.nets.cdface import Trained
 from facecode_exporter.nets.part import PartNet
 

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from facecode.arrays import AnyArray, Audio, Codes, Float32
-from facecode.audio import normalise
+from facecode.level import normalise
 from facecode.loop.engine import Engine
 from facecode.session import Graph
 from facecode_exporter.errors import ParityError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from facecode.audio import normalise
+from facecode.level import normalise
 from facecode_exporter.data.clips import Clips
 from facecode_exporter.nets.speech import family_of, n_frames
 from facecode_spec.schema import SystemSpec
