@@ -9,8 +9,9 @@ from facecode import errors, writers
 
 ROOT = Path(__file__).parents[1]
 NAMES = {
-    "Animation", "Animator", "AudioSource", "Bundle", "Clip", "Compute", "FacecodeError", "Mode",
-    "Rig", "Samples", "Style", "Takes", "TemplateSource", "__version__", "animate_many", "load",
+    "Animation", "Animator", "AudioSource", "Blocks", "Bundle", "Clip", "Compute", "FacecodeError",
+    "Mode", "Rig", "Samples", "Style", "Takes", "TemplateSource", "__version__", "animate_many",
+    "load", "read_clip",
 }  # fmt: skip
 
 

@@ -7,8 +7,10 @@ face.animate("speech.wav").save("talk.npz")
 from facecode.animation import Animation
 from facecode.animator import Animator
 from facecode.audio import AudioSource
+from facecode.blocks import Blocks
 from facecode.bundle import Bundle
 from facecode.clip import Clip, Rig
+from facecode.clip_file import read_clip
 from facecode.errors import FacecodeError
 from facecode.loading import load
 from facecode.many import animate_many
@@ -23,6 +25,7 @@ __all__ = [
     "Animation",
     "Animator",
     "AudioSource",
+    "Blocks",
     "Bundle",
     "Clip",
     "Compute",
@@ -36,4 +39,5 @@ __all__ = [
     "__version__",
     "animate_many",
     "load",
+    "read_clip",
 ]

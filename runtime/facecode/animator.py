@@ -127,7 +127,9 @@ class Animator:
         refuse_unknown("blocks", options, Options)
         request, neutral, waveform = self._asked(audio, style, options, None)
         memory = self.engine.encode(waveform)
-        still = dataclasses.replace(self._still, template=neutral, audio=waveform)
+        still = dataclasses.replace(
+            self._still, template=neutral, audio=waveform, styles=self._styles_of(request)
+        )
         made = (
             self.result(request, neutral, waveform, codes[0], motion[0])
             for codes, motion in self.engine.blocks(memory, request)
@@ -177,17 +179,19 @@ class Animator:
         offsets, weights = motion, None
         if not request.vertices:
             offsets, weights = np.empty((len(codes), 0, 3), np.float32), self._problem.solve(motion)
-        mix = zip(self.styles, request.weights, strict=True)
-        styles = {name: float(weight) for name, weight in mix if weight}
         return dataclasses.replace(
             self._still,
             offsets=offsets,
             codes=codes,
             template=neutral,
             audio=waveform,
-            styles=styles,
+            styles=self._styles_of(request),
             known_weights=weights,
         )
+
+    def _styles_of(self, request: Request) -> dict[str, float]:
+        mix = zip(self.styles, request.weights, strict=True)
+        return {name: float(weight) for name, weight in mix if weight}
 
     @cached_property
     def _problem(self) -> WeightProblem:

@@ -22,6 +22,8 @@ FacecodeError
   ModeError (ValueError)      unknown mode, or invalid window size
   SampleError (ValueError)    samples that the bundle does not give
   CodesError (ValueError)     codes outside the codebook, or of another shape
+  ClipFileError (ValueError)  an .npz that holds no clip of ours
+  ClipNotFoundError (FileNotFoundError)
   OutputError
     OutputSuffixError (ValueError)
     OutputFolderError (FileNotFoundError)
@@ -137,6 +139,14 @@ class SampleError(FacecodeError, ValueError):
 
 class CodesError(FacecodeError, ValueError):
     """Codes of another shape, or outside the codebook."""
+
+
+class ClipFileError(FacecodeError, ValueError):
+    """The file holds no clip that facecode wrote."""
+
+
+class ClipNotFoundError(FacecodeError, FileNotFoundError):
+    """No clip at the given path."""
 
 
 class OutputError(FacecodeError):

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -19,6 +20,9 @@ DONE, DEFECT, MISTAKE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
 
 def guarded(program: str, command: Callable[[], int | None], debug: bool) -> int:
     """Run `command` and turn exceptions into an exit code and a line on stderr."""
+    for stream in (sys.stdout, sys.stderr):  # a name that a console cannot show is no failure
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     # As after Ctrl-C, the blocks that remove temporary files must run.
     previous = signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     try:

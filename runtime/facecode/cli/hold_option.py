@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from facecode.arrays import Codes
-from facecode.errors import CodesError
+from facecode.clip_file import read_arrays
+from facecode.errors import CodesError, FacecodeError
 
 
 def parse_hold(text: str) -> tuple[str, Codes]:
@@ -17,7 +18,9 @@ def parse_hold(text: str) -> tuple[str, Codes]:
         CodesError: not of this form, or a file without such codes.
     """
     part, equals, place = text.partition("=")
-    name, _, number = place.partition("#")
+    name, hash_sign, number = place.rpartition("#")
+    if not hash_sign or Path(place).is_file():  # a name may hold the sign itself
+        name, number = place, ""
     if not equals or not part or not name or not (number or "0").isdigit():
         raise CodesError(f"got {text!r} to hold; expected PART=FILE.npz or PART=FILE.npz#K")
     return part, read_codes(Path(name), part, int(number or 0))
@@ -30,10 +33,9 @@ def read_codes(path: Path, part: str, index: int = 0) -> Codes:
         CodesError
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files if name != "vertices"}
-            codes = arrays["codes"]
-    except (OSError, ValueError, KeyError, EOFError) as error:
+        arrays = read_arrays(path)
+        codes = arrays["codes"]
+    except (FacecodeError, KeyError) as error:
         raise CodesError(f"{path} holds no codes ({error}); expected an .npz of facecode") from None
     faces = codes[None] if codes.ndim == 2 else codes
     if faces.ndim != 3 or not index < len(faces):

@@ -1,4 +1,4 @@
-"""The sub-commands of `facecode`: animate, demo, mesh, info, bench."""
+"""The sub-commands of `facecode`: animate, convert, demo, mesh, info, bench."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import facecode
 from facecode import writers
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED, PACKAGED_BUNDLE, Bundle
-from facecode.cli import animate, mesh
+from facecode.cli import animate, convert, mesh
 from facecode.cli.console import guarded
 from facecode.cli.options import (
     STANDARD_STREAM,
@@ -37,7 +37,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--version", action="version", version=f"facecode {facecode.__version__}")
     parser.set_defaults(debug=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for add in (animate.add_parser, _add_demo, mesh.add_parser, _add_info, _add_bench):
+    for add in _PARSERS:
         add_debug(add(commands))
     return parser.parse_args(argv)
 
@@ -95,6 +95,16 @@ def _add_bundle(parser: argparse.ArgumentParser) -> None:
         default=PACKAGED_BUNDLE,
         help="a bundle's folder, or a packaged bundle: demo, diverse (default: demo)",
     )
+
+
+_PARSERS = (
+    animate.add_parser,
+    convert.add_parser,
+    _add_demo,
+    mesh.add_parser,
+    _add_info,
+    _add_bench,
+)
 
 
 def run_demo(args: argparse.Namespace) -> None:

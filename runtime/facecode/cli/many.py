@@ -46,12 +46,14 @@ def run_many(args: argparse.Namespace) -> int:
     )
     bar = tqdm(clips, total=len(outputs), desc="animate", unit="clip", disable=args.quiet)
     for name, output, clip in zip(args.audio, outputs, bar, strict=True):
-        if isinstance(clip, FacecodeError):
+        try:
+            if isinstance(clip, FacecodeError):
+                raise clip
+            clip.save(output)
+            seconds += clip.duration_s
+        except FacecodeError as error:
             n_failed += 1
-            tqdm.write(f"facecode: {name}: {clip}", file=sys.stderr)
-            continue
-        clip.save(output)
-        seconds += clip.duration_s
+            tqdm.write(f"facecode: {name}: {error}", file=sys.stderr)
     if not args.quiet:
         took = time.perf_counter() - start
         print(

@@ -124,7 +124,7 @@ def save_blocks(
     check_face(found, face.faces is not None, face.rig is not None)
     with writing(path) as file:
         if found.write_blocks is None:
-            write(_whole(face, blocks), file, found, progress)
+            write(_whole(face, (_fitting(b, found) for b in blocks)), file, found, progress)
         else:
             found.write_blocks(face, n_frames, (_fitting(b, found) for b in blocks), file)
 
@@ -164,7 +164,7 @@ def write(
 
 
 def check_folder(path: Path) -> None:
-    """Refuse a file name whose folder is missing, or that is a folder itself.
+    """Refuse a file name whose folder is missing or cannot be written, or that is a folder itself.
 
     Raises:
         OutputFolderError, OutputWriteError.
@@ -173,6 +173,8 @@ def check_folder(path: Path) -> None:
         raise OutputFolderError(f"the folder {path.parent} does not exist; create it first")
     if path.is_dir():
         raise OutputWriteError(f"{path} is a folder; name a file")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise OutputWriteError(f"the folder {path.parent} cannot be written; name another")
 
 
 @contextlib.contextmanager
@@ -187,7 +189,7 @@ def writing(path: Path) -> Iterator[BinaryIO]:
     check_folder(path)
     temporary = None
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix=".facecode-", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
             yield file
         Path(temporary).chmod(0o666 & ~_umask())  # mkstemp makes files private
