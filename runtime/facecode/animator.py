@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 
+LONGEST_EXACT_S = 15.0
+"""Speech up to which `auto` is `exact`."""
+
+
 class Animator:
     """A loaded bundle, ready to animate any number of clips; it keeps no state between them."""
 
@@ -128,7 +132,11 @@ class Animator:
         request, neutral, waveform = self._asked(audio, style, options, None)
         memory = self.engine.encode(waveform)
         still = dataclasses.replace(
-            self._still, template=neutral, audio=waveform, styles=self._styles_of(request)
+            self._still,
+            template=neutral,
+            audio=waveform,
+            styles=self._styles_of(request),
+            mode="exact" if request.window is None else "window",
         )
         made = (
             self.result(request, neutral, waveform, codes[0], motion[0])
@@ -144,8 +152,22 @@ class Animator:
         request = self.request(style, options, samples, hold, progress)
         template = options.get("template")
         neutral = self._still.template if template is None else self.bundle.neutral(template)
+        longer = self.for_long_speech(request, options)
         rate = self.manifest.sample_rate
-        return request, neutral, load_audio(audio, rate, options.get("sample_rate"))
+        waveform = load_audio(audio, rate, options.get("sample_rate"))
+        is_long = len(waveform) > LONGEST_EXACT_S * rate
+        return longer if is_long else request, neutral, waveform
+
+    def for_long_speech(self, request: Request, options: BatchOptions) -> Request:
+        """The request for speech beyond LONGEST_EXACT_S: another one in mode `auto`.
+
+        The cost of `exact` grows with the square of the clip: 15 s of speech take the packaged
+        model twice as long as `window`, a minute takes it thirteen times as long.
+        """
+        is_auto = options.get("mode") in (None, "auto") and "window" in self.manifest.modes
+        if not is_auto:
+            return request
+        return dataclasses.replace(request, window=self.window("window", options.get("window")))
 
     def request(
         self,
@@ -160,7 +182,10 @@ class Animator:
         Raises:
             StyleError, ModeError, SampleError, CodesError, NoRigError.
         """
-        window = self.window(options.get("mode"), options.get("window"))
+        frames, mode = options.get("window"), options.get("mode")
+        if mode in (None, "auto"):
+            mode = "exact" if frames is None else "window"
+        window = self.window(mode, frames)
         weights = style_weights(style, self.styles)
         vertices = options.get("vertices", True)
         return self.engine.request(weights, window, samples, hold, vertices, progress)
@@ -186,6 +211,7 @@ class Animator:
             template=neutral,
             audio=waveform,
             styles=self._styles_of(request),
+            mode="exact" if request.window is None else "window",
             known_weights=weights,
         )
 

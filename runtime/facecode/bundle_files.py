@@ -41,17 +41,18 @@ def safe_path(root: Path, name: str) -> Path:
     """`name` inside `root`, refused if it could lead anywhere else.
 
     Raises:
-        UnsafePathError: absolute, with `..`, or through a symbolic link.
+        UnsafePathError: absolute, with `..`, or through a linked folder. A file may be a link, as
+            in caches of downloads: its size and hash are those of the manifest.
     """
     pure = PurePosixPath(name)
     if not name or pure.is_absolute() or ".." in pure.parts or "\\" in name or ":" in name:
         raise UnsafePathError(f"the manifest names {name!r}, which leaves the bundle {root}")
-    file = root
-    for piece in pure.parts:
-        file = file / piece
-        if file.is_symlink():
-            raise UnsafePathError(f"{file} is a symbolic link; a bundle holds plain files only")
-    return file
+    folder = root
+    for piece in pure.parts[:-1]:
+        folder = folder / piece
+        if folder.is_symlink():
+            raise UnsafePathError(f"{folder} is a link to a folder; a bundle holds its own")
+    return folder / pure.name
 
 
 def load_array(root: Path, name: str, shape: tuple[int, ...], dtype: type[np.generic]) -> AnyArray:

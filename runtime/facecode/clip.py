@@ -54,6 +54,8 @@ class Clip:
     """`x`, `y` or `z`; None: not known."""
     styles: Mapping[str, float] = field(default_factory=dict)
     """The weight of each style that was asked for."""
+    mode: str = ""
+    """How it was animated, `exact` or `window`, where that is known."""
     lip_pair: tuple[int, int] | None = None
     """Upper and lower inner-lip vertex; their distance is the mouth opening."""
     rig: Rig | None = None

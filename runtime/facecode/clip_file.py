@@ -23,9 +23,9 @@ LARGEST_SHARE = 64
 SMALL = 1 << 26
 """Bytes that any file may unpack to."""
 KINDS = {"vertices": "f", "codes": "iu", "fps": "f", "parts": "U", "codes_per_part": "iu",
-    "template": "f", "faces": "iu", "colours": "u", "unit": "U", "metres_per_unit": "f",
-    "up_axis": "U", "styles": "U", "style_weights": "f", "lip_pair": "iu", "audio": "f",
-    "sample_rate": "iu", "rig_names": "U", "rig_deltas": "f"}  # fmt: skip
+    "template": "f", "faces": "iu", "colours": "u", "unit": "U", "mode": "U",
+    "metres_per_unit": "f", "up_axis": "U", "styles": "U", "style_weights": "f", "lip_pair": "iu",
+    "audio": "f", "sample_rate": "iu", "rig_names": "U", "rig_deltas": "f"}  # fmt: skip
 """Kinds of numpy types of each array; other arrays are not looked at."""
 
 
@@ -157,6 +157,7 @@ def _clip(arrays: Mapping[str, AnyArray], vertices: AnyArray, codes: AnyArray) -
         metres_per_unit=None if metres is None else float(metres),
         up_axis=None if axis is None else str(axis),
         styles=each("styles", "style_weights"),
+        mode=str(scalar("mode") or ""),
         lip_pair=None if pair is None else (int(pair[0]), int(pair[1])),
         rig=rig,
     )

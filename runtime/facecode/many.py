@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 from facecode.animation import Animation
-from facecode.animator import Animator
+from facecode.animator import LONGEST_EXACT_S, Animator
 from facecode.arrays import Audio, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.errors import FacecodeError
@@ -59,18 +60,14 @@ def animate_many(
     face = load() if face is None else face
     request, neutral = face.request(style, options), face.bundle.neutral(options.get("template"))
     encoded = (_encode(face, source, options.get("sample_rate")) for source in sources)
-    return _batches(face, encoded, request, neutral, batch_size)
+    return _batches(encoded, _Batch(face, request, options, neutral), batch_size)
 
 
 def _batches(
-    face: Animator,
-    encoded: Iterator[Encoded],
-    request: Request,
-    neutral: Template,
-    batch_size: int,
+    encoded: Iterator[Encoded], batch: _Batch, batch_size: int
 ) -> Iterator[Animation | FacecodeError]:
-    while batch := list(itertools.islice(encoded, batch_size)):
-        yield from _animate(face, batch, request, neutral)
+    while clips := list(itertools.islice(encoded, batch_size)):
+        yield from batch.animate(clips)
 
 
 def _encode(face: Animator, source: AudioSource, sample_rate: int | None) -> Encoded:
@@ -81,17 +78,32 @@ def _encode(face: Animator, source: AudioSource, sample_rate: int | None) -> Enc
         return error
 
 
-def _animate(
-    face: Animator, batch: Sequence[Encoded], request: Request, neutral: Template
-) -> list[Animation | FacecodeError]:
-    """One batch: the loop takes its clips in order of falling length."""
-    results: list[Animation | FacecodeError | None] = [
-        item if isinstance(item, FacecodeError) else None for item in batch
-    ]
-    clips = [(i, *item) for i, item in enumerate(batch) if not isinstance(item, FacecodeError)]
-    clips.sort(key=lambda clip: -clip[2].n_frames)
-    if clips:
-        motions = face.engine.move([memory for _, _, memory in clips], request)
-        for (i, waveform, _), (codes, offsets) in zip(clips, motions, strict=True):
-            results[i] = face.result(request, neutral, waveform, codes[0], offsets[0])
-    return [result for result in results if result is not None]
+@dataclass(frozen=True)
+class _Batch:
+    """What the clips of a batch have in common."""
+
+    face: Animator
+    request: Request
+    options: BatchOptions
+    neutral: Template
+
+    def animate(self, batch: Sequence[Encoded]) -> list[Animation | FacecodeError]:
+        """The clips of a batch, those of one mode together, or their errors."""
+        results: list[Animation | FacecodeError | None] = [
+            item if isinstance(item, FacecodeError) else None for item in batch
+        ]
+        clips = [(i, *item) for i, item in enumerate(batch) if not isinstance(item, FacecodeError)]
+        clips.sort(key=lambda clip: -clip[2].n_frames)  # as the loop takes them
+        longer = self.face.for_long_speech(self.request, self.options)
+        longest = LONGEST_EXACT_S * self.face.manifest.sample_rate
+        requests = [longer if len(c[1]) > longest else self.request for c in clips]
+        for _, same in itertools.groupby(
+            zip(clips, requests, strict=True), key=lambda pair: pair[1].window
+        ):
+            pairs = list(same)
+            memories, request = [memory for (_, _, memory), _ in pairs], pairs[0][1]
+            motions = self.face.engine.move(memories, request)
+            for ((i, waveform, _), _), (codes, motion) in zip(pairs, motions, strict=True):
+                clip = self.face.result(request, self.neutral, waveform, codes[0], motion[0])
+                results[i] = clip
+        return [result for result in results if result is not None]

@@ -9,8 +9,8 @@ from facecode.arrays import AnyArray
 from facecode.clip import Clip
 from facecode.template import TemplateSource
 
-Mode: TypeAlias = Literal["exact", "window"]
-MODES: tuple[Mode, ...] = ("exact", "window")
+Mode: TypeAlias = Literal["auto", "exact", "window"]
+MODES: tuple[Mode, ...] = ("auto", "exact", "window")
 Style: TypeAlias = "str | Mapping[str, float]"
 """A style's name, or a mix {name: weight}."""
 Samples: TypeAlias = "int | Mapping[str, int]"
@@ -23,8 +23,8 @@ class BatchOptions(TypedDict, total=False):
     """Options that serve one recording or many."""
 
     mode: Mode
-    """`exact` gives the trained system's codes; `window` costs the same at every frame. The
-    bundle's first mode by default."""
+    """`exact` gives the trained system's codes; `window` costs the same at every frame; `auto`, the
+    default, is `exact` up to 15 s of speech and `window` beyond."""
     window: int | None
     """Frames that `window` decodes at a step, 3 or more; the bundle's choice by default."""
     template: TemplateSource | None

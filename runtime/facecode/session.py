@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import onnxruntime as ort
 
 CPU = "CPUExecutionProvider"
+MOST_THREADS = 256
+"""Of a graph. Threads spin while they wait: thousands would starve the machine."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Compute:
     """How graphs are run: threads, and onnxruntime's execution provider with its options."""
 
     threads: int | None = None
-    """None: all cores that this process may use."""
+    """None: as many as this process may use at once; see `usable_cores`."""
     provider: str = CPU
     """Its name in onnxruntime; a short form without `ExecutionProvider` will do."""
     options: Mapping[str, str] = field(default_factory=dict)
@@ -34,8 +36,8 @@ class Compute:
 
     def __post_init__(self) -> None:
         threads = usable_cores() if self.threads is None else self.threads
-        if threads < 1:
-            raise ValueError(f"got {threads} threads; expected at least 1")
+        if not 1 <= threads <= MOST_THREADS:
+            raise ValueError(f"got {threads} threads; expected 1 to {MOST_THREADS}")
         object.__setattr__(self, "threads", threads)
         object.__setattr__(self, "provider", _provider_name(self.provider))
 
@@ -46,10 +48,29 @@ class Compute:
 
 
 def usable_cores() -> int:
-    """Cores that this process may use."""
+    """Cores that this process may use: its affinity, its container's quota, OMP_NUM_THREADS."""
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        cores = len(os.sched_getaffinity(0))
+    else:
+        cores = os.cpu_count() or 1
+    asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0]
+    if asked.isdecimal() and int(asked):
+        cores = min(cores, int(asked))
+    return min(cores, MOST_THREADS, container_cores())
+
+
+def container_cores(root: Path = Path("/sys/fs/cgroup")) -> int:
+    """The quota of this process's container in whole cores, at least 1 (cgroup 2, then 1)."""
+    for quota_file, period_file in (("cpu.max",) * 2, ("cpu.cfs_quota_us", "cpu.cfs_period_us")):
+        folder = root if quota_file == "cpu.max" else root / "cpu"
+        try:
+            quota = (folder / quota_file).read_text().split()[0]
+            period = (folder / period_file).read_text().split()[-1]
+            if int(quota) > 0 and int(period) > 0:
+                return max(1, int(quota) // int(period))
+        except (OSError, ValueError, IndexError):  # no such file, or `max`
+            continue
+    return MOST_THREADS
 
 
 def onnxruntime_version() -> str:

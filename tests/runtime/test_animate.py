@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import soundfile
 from conftest import SPEECH, TINY
 
 import facecode
@@ -76,3 +77,26 @@ def test_mistakes(tiny):
         tiny.animate(SPEECH, mode="fast")
     with pytest.raises(ValueError, match="0 threads"):
         facecode.load(TINY, threads=0)
+
+
+def test_auto_is_exact_for_short_speech_and_window_for_long():
+    tiny = facecode.load(TINY, threads=1)
+    samples, _ = soundfile.read(SPEECH, dtype="float32")
+    for n, mode in ((15 * 16000, "exact"), (15 * 16000 + 1, "window")):
+        audio = np.resize(samples, n)
+        clip, want = tiny.animate(audio), tiny.animate(audio, mode=mode)
+        assert (clip.mode, want.mode) == (mode, mode)
+        assert np.array_equal(clip.codes, want.codes)
+        assert np.array_equal(clip.offsets, want.offsets)
+        assert tiny.blocks(audio, mode="auto").still.mode == mode
+    assert tiny.animate(samples, window=8).mode == "window"
+
+
+def test_a_batch_may_hold_both():
+    tiny = facecode.load(TINY, threads=1)
+    samples, _ = soundfile.read(SPEECH, dtype="float32")
+    sources = [samples[:40000], np.resize(samples, 16 * 16000), samples[:30000]]
+    clips = list(facecode.animate_many(sources, face=tiny))
+    assert [clip.mode for clip in clips] == ["exact", "window", "exact"]
+    for clip, source in zip(clips, sources, strict=True):
+        assert np.array_equal(clip.codes, tiny.animate(source).codes)

@@ -87,11 +87,41 @@ def test_paths_that_leave_the_bundle(tiny_copy, path):
         Bundle.open(tiny_copy)
 
 
-def test_symbolic_links_are_refused(tiny_copy, tmp_path):
-    moved = tmp_path / "moved.npy"
-    (tiny_copy / "faces.npy").rename(moved)
-    (tiny_copy / "faces.npy").symlink_to(moved)
-    with pytest.raises(errors.UnsafePathError, match="symbolic link"):
+def test_links_to_the_same_files_are_followed(tiny_copy, tmp_path):
+    """As caches of downloads and some installers lay files out."""
+    store = tmp_path / "store"
+    store.mkdir()
+    for file in list(tiny_copy.iterdir()):
+        file.rename(store / file.name)
+        file.symlink_to(store / file.name)
+    assert facecode.load(tiny_copy).manifest == facecode.load(TINY).manifest
+    (store / "faces.npy").write_bytes((store / "faces.npy").read_bytes()[::-1])
+    with pytest.raises(errors.AlteredFileError, match=r"faces\.npy has changed"):
+        Bundle.open(tiny_copy)
+    (store / "faces.npy").unlink()
+    with pytest.raises(errors.MissingFileError):
+        Bundle.open(tiny_copy)
+
+
+@pytest.mark.parametrize("target", ["/dev/zero", "/", "faces.npy"])
+def test_links_to_anything_else_are_refused(tiny_copy, target):
+    (tiny_copy / "faces.npy").unlink()
+    (tiny_copy / "faces.npy").symlink_to(target)
+    with pytest.raises(errors.MissingFileError):
+        Bundle.open(tiny_copy)
+
+
+def test_linked_folders_are_refused(tiny_copy, tmp_path):
+    (tmp_path / "away").mkdir()
+    (tiny_copy / "faces.npy").rename(tmp_path / "away" / "faces.npy")
+    (tiny_copy / "more").symlink_to(tmp_path / "away")
+
+    def change(manifest):
+        manifest["files"]["more/faces.npy"] = manifest["files"].pop("faces.npy")
+        manifest["faces"] = "more/faces.npy"
+
+    edit_manifest(tiny_copy, change)
+    with pytest.raises(errors.UnsafePathError, match="link to a folder"):
         Bundle.open(tiny_copy)
 
 

@@ -107,7 +107,7 @@ def test_plot_without_matplotlib_names_the_extra(tiny, tmp_path, monkeypatch):
         (["-o", "none/talk.npz"], "create it first"),
         (["-o", "talk.npz", "--style", "d"], "no style 'd'"),
         (["-o", "talk.npz", "--style", "a:b"], "a:0.3,b:0.7"),
-        (["-o", "talk.npz", "--window", "4"], "a window goes with"),
+        (["-o", "talk.npz", "--mode", "exact", "--window", "4"], "a window goes with"),
         (["-o", "talk.npz", "--template", "none.ply"], "no template file"),
         (["-o", "talk.npz", "--bundle", "none"], "no bundle at none"),
     ],

@@ -6,15 +6,15 @@ from conftest import TINY
 import facecode
 from facecode import Compute
 from facecode.errors import ProviderError
-from facecode.session import CPU, usable_cores
+from facecode.session import CPU, MOST_THREADS, container_cores, usable_cores
 
 
 def test_compute_is_a_value():
     assert Compute() == Compute(usable_cores(), "cpu")
     assert Compute(2).provider == CPU
     assert Compute(2, "CUDA").provider == "CUDAExecutionProvider"
-    for threads in (0, -1):
-        with pytest.raises(ValueError, match="at least 1"):
+    for threads in (0, -1, 5000):
+        with pytest.raises(ValueError, match="expected 1 to 256"):
             Compute(threads)
 
 
@@ -47,3 +47,31 @@ def test_command_line(run_cli):
     assert "has no NonesuchExecutionProvider" in done.stderr
     assert "Traceback" not in done.stderr
     assert "CPUExecutionProvider" in run_cli("info", TINY).stdout
+
+
+@pytest.mark.parametrize(
+    ("files", "cores"),
+    [
+        ({"cpu.max": "100000 100000"}, 1),
+        ({"cpu.max": "250000 100000"}, 2),
+        ({"cpu.max": "20000 100000"}, 1),
+        ({"cpu.max": "max 100000"}, MOST_THREADS),
+        ({"cpu.max": "rubbish"}, MOST_THREADS),
+        ({"cpu/cpu.cfs_quota_us": "400000", "cpu/cpu.cfs_period_us": "100000"}, 4),
+        ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, MOST_THREADS),
+        ({}, MOST_THREADS),
+    ],
+)
+def test_a_containers_quota(tmp_path, files, cores):
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text + "\n")
+    assert container_cores(tmp_path) == cores
+
+
+@pytest.mark.parametrize(("asked", "at_most"), [("1", 1), ("1,2", 1), ("", None), ("x", None)])
+def test_the_number_that_openmp_may_use(monkeypatch, asked, at_most):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    free = usable_cores()
+    monkeypatch.setenv("OMP_NUM_THREADS", asked)
+    assert usable_cores() == (at_most or free)

@@ -130,7 +130,8 @@ def run_diversity(args: argparse.Namespace) -> None:
     )
     if args.plots is not None:
         take = takes[0]
-        faces = animator.animate(data.speech(take.clip), take.style, samples=args.samples)
+        speech = data.speech(take.clip)
+        faces = animator.animate(speech, take.style, samples=args.samples, mode="exact")
         pair = require_lip_pair(animator, None)
         diversity.plot_lip_distances(faces, pair, args.plots / f"{take.clip}_lip_distances.png")
     about = {"bundle": animator.manifest.name, "samples": args.samples, "hold": args.hold}

@@ -121,9 +121,11 @@ def score_faces(
         if engine is not None:
             vertices = drawn_faces(animator, engine, speech, take.style, template, n_faces)
         else:
-            held = {hold: animator.animate(speech, take.style)} if hold is not None else None
+            held = None
+            if hold is not None:
+                held = {hold: animator.animate(speech, take.style, mode="exact")}
             vertices = animator.animate(
-                speech, take.style, samples=n_faces, hold=held, template=template
+                speech, take.style, samples=n_faces, hold=held, template=template, mode="exact"
             ).vertices
         yield take, diversity_score(vertices, data.truth(take.clip), regions)
 

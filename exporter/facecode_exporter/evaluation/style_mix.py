@@ -49,7 +49,8 @@ def mix_styles(
     """
     first, second = styles
     shares = tuple(float(s) for s in np.linspace(0, 1, n_mixes))
-    clips = [animator.animate(audio, {first: 1 - share, second: share}) for share in shares]
+    mixes = [{first: 1 - share, second: share} for share in shares]
+    clips = [animator.animate(audio, mix, mode="exact") for mix in mixes]
     curves = tuple(opening_curve(c.vertices, lip_pair, c.template) for c in clips)
     return StyleMix(styles, shares, curves, animator.manifest.fps)
 

@@ -42,7 +42,7 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     add_bundle(animate)
     add_style(animate)
     _add_samples(animate)
-    add_mode(animate)
+    add_mode(animate, "auto")
     add_compute(animate)
     add_quiet(animate)
     return animate
@@ -192,5 +192,5 @@ def _summary(face: facecode.Animation, n_frames: int, n_faces: int = 1) -> str:
     several = f"{n_faces} faces, " if n_faces > 1 else ""
     return (
         f"{several}{n_frames} frames at {face.fps:g} fps ({n_frames / face.fps:.2f} s), "
-        f"{len(face.template):,} vertices"
+        f"{len(face.template):,} vertices, {face.mode} mode"
     )

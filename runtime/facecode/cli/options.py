@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from facecode.bundle import PACKAGED_BUNDLE
 from facecode.errors import SampleError, StyleError
-from facecode.options import MODES, Samples, Style
+from facecode.options import MODES, Mode, Samples, Style
 from facecode.session import Compute
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -30,14 +30,15 @@ def positive(kind: type[int] | type[float]) -> Callable[[str], Any]:
     return convert
 
 
-def add_mode(parser: argparse.ArgumentParser) -> None:
+def add_mode(parser: argparse.ArgumentParser, default: Mode = "exact") -> None:
     """`--mode` and `--window`."""
+    auto = "; auto: exact up to 15 s of speech, window beyond" if default == "auto" else ""
     parser.add_argument(
         "--mode",
-        choices=MODES,
-        default="exact",
+        choices=[mode for mode in MODES if mode != "auto" or auto],
+        default=default,
         help="exact: the trained system's codes, cost per frame grows with the clip; window: flat "
-        "cost per frame, any length, codes may differ (default: exact)",
+        f"cost per frame, any length, codes may differ{auto} (default: {default})",
     )
     parser.add_argument(
         "--window",

@@ -106,7 +106,7 @@ def window_of(
     """How to decode in `mode`; None for `exact`.
 
     Args:
-        mode: by default the first of `modes`.
+        mode: `exact` by default.
         frames: decoded at a step in `window` mode; by default the bundle's choice.
         modes: of the bundle.
         smallest: the fewest frames that a step can decode.
@@ -114,7 +114,7 @@ def window_of(
     Raises:
         ModeError: unknown mode, `frames` without window mode, or too few.
     """
-    mode = next(iter(modes)) if mode is None else mode
+    mode = "exact" if mode is None else mode
     if mode not in modes or mode not in MODES:
         raise ModeError(f"got mode {mode!r}; expected one of {', '.join(modes)}")
     if mode == "exact":

@@ -63,6 +63,7 @@ def _known(face: Clip) -> dict[str, AnyArray]:
         "up_axis": face.up_axis,
         "styles": np.array(list(face.styles)) if face.styles else None,
         "style_weights": np.array(list(face.styles.values())) if face.styles else None,
+        "mode": np.array(face.mode),
         "lip_pair": face.lip_pair,
         "audio": face.audio,
         "sample_rate": face.sample_rate,
