@@ -32,7 +32,7 @@ def test_animate(run_cli, tmp_path, tiny):
     assert "animate: 100%" in done.stderr
     clip = tiny.animate(SPEECH, {"a": 0.25, "b": 0.75})
     with np.load(tmp_path / "talk.npz") as talk:
-        assert sorted(talk.files) == ["codes", "fps", "vertices"]
+        assert {"codes", "fps", "vertices"} <= set(talk.files)
         np.testing.assert_array_equal(talk["codes"], clip.codes)
         np.testing.assert_allclose(talk["vertices"], clip.vertices, atol=1e-6)
         assert talk["fps"] == 30
