@@ -52,7 +52,7 @@ def system_from_config(config: Path, wav2vec2_config: Path | None = None) -> Sys
         system = dataclasses.replace(
             form,
             n_vertices=_vertices(fields, config),
-            styles=tuple(str(_need(fields, "train_subjects", config)).split()),
+            styles=_subjects(fields, config),
             parts=(part,),
         )
     except SpecError as error:
@@ -125,6 +125,22 @@ def _part(fields: Mapping[str, Any], form: PartSpec, config: Path) -> PartSpec:
             norm_affine=bool(_need(fields, "INaffine", config)),
         ),
     )
+
+
+def _subjects(fields: Mapping[str, Any], config: Path) -> tuple[str, ...]:
+    """Names in a line, as published, or as a list of YAML."""
+    given = _need(fields, "train_subjects", config)
+    names = given.split() if isinstance(given, str) else given
+    if (
+        not isinstance(names, list)
+        or not names
+        or not all(isinstance(name, str) and name for name in names)
+        or len(set(names)) < len(names)
+    ):
+        raise ConfigError(
+            f"{config}: train_subjects is {given!r}; expected different names, in a line or a list"
+        )
+    return tuple(names)
 
 
 def _vertices(fields: Mapping[str, Any], config: Path) -> int:

@@ -128,8 +128,8 @@ def _train_codetalker(
     from facecode_exporter.training.speech_weights import load_pretrained
 
     clips = (
-        FolderClips(args.data, layout, "train", system.n_vertices),
-        FolderClips(args.data, layout, "validation", system.n_vertices),
+        FolderClips(args.data, layout, "train", system),
+        FolderClips(args.data, layout, "validation", system),
     )
     out: Path = args.out
     progress = not args.quiet

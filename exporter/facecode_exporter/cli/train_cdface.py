@@ -40,7 +40,7 @@ def run_part(
     name = args.part.replace("-", "_")
     pair = args.lip_pair or (0, 0)
     train_clips, val_clips = (
-        FolderPart(FolderClips(args.data, layout, s, system.n_vertices), vertices[name], pair)
+        FolderPart(FolderClips(args.data, layout, s, system), vertices[name], pair)
         for s in ("train", "validation")
     )
     about = (system.name, str(args.data))

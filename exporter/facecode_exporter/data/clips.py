@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
@@ -11,10 +12,11 @@ from numpy.typing import NDArray
 
 from facecode.arrays import Audio, Float32, Indices
 from facecode.audio import load_audio
-from facecode_exporter.data.data_set import LAYOUTS, DataSet, subject_of
+from facecode_exporter.data.data_set import DataSet, layout_of, subject_of
 from facecode_exporter.errors import DataSetError
 from facecode_exporter.measures.lip_sync import opening_curve
 from facecode_exporter.measures.openings import open_frames
+from facecode_spec.schema import SystemSpec
 
 SAMPLE_RATE = 16_000
 
@@ -39,15 +41,28 @@ class Clips(Protocol):
 class FolderClips:
     """One split of a VOCASET or BIWI folder, read clip by clip when asked for."""
 
-    def __init__(self, root: Path, layout: str, split: str, n_vertices: int) -> None:
-        """Find the clips.
+    def __init__(self, root: Path, layout: str, split: str, system: SystemSpec) -> None:
+        """Find the clips that have both motion and speech, as the public code does.
+
+        Args:
+            root: the data set.
+            layout: a name of LAYOUTS.
+            split: of the layout; clips of the training subjects are those of the system's styles.
+            system: which is to learn them.
 
         Raises:
             DataSetError: not in the layout, or the split is empty.
         """
-        self.data = DataSet.open(root, LAYOUTS[layout], split)
-        self.names = self.data.clips
-        self.n_vertices = n_vertices
+        self.styles = system.styles
+        self.data = DataSet.open(root, layout_of(layout, self.styles), split)
+        self.names = paired(self.data)
+        self.n_vertices = system.n_vertices
+        spoken = {subject_of(name) for name in self.names}
+        if split == "train" and (silent := [name for name in self.styles if name not in spoken]):
+            print(
+                f"{root} has no clip of {', '.join(silent)}: these styles learn nothing",
+                file=sys.stderr,
+            )
 
     def offsets(self, index: int) -> Float32:
         """(T, 3V).
@@ -69,9 +84,9 @@ class FolderClips:
         return load_audio(self.data.speech(self.names[index]), SAMPLE_RATE)
 
     def style(self, index: int) -> int:
-        """Index of the subject among the training subjects; 0 for an unseen one."""
-        subject, known = subject_of(self.names[index]), self.data.layout.seen
-        return known.index(subject) if subject in known else 0
+        """Index of the subject among the system's styles; 0 for an unseen one."""
+        subject = subject_of(self.names[index])
+        return self.styles.index(subject) if subject in self.styles else 0
 
 
 class FolderPart:
@@ -109,6 +124,21 @@ class FolderPart:
             for name in self.names
         ]
         return open_frames(openings, [subject_of(name) for name in self.names], closed_below)
+
+
+def paired(data: DataSet) -> tuple[str, ...]:
+    """The clips that have speech; those left out are told on stderr, with their number.
+
+    Raises:
+        DataSetError: none has.
+    """
+    spoken = tuple(name for name in data.clips if data.has_speech(name))
+    if not spoken:
+        raise DataSetError(f"{data.root} has no wav of any of its {len(data.clips)} clips")
+    if alone := [name for name in data.clips if name not in set(spoken)]:
+        shown = ", ".join(alone[:5]) + (", ..." if len(alone) > 5 else "")
+        print(f"{len(alone)} clips without a wav are left out: {shown}", file=sys.stderr)
+    return spoken
 
 
 def batches(

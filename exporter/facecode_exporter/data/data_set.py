@@ -10,8 +10,8 @@ model, templates. Knows nothing of predictions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -91,6 +91,19 @@ LAYOUTS: Mapping[str, Layout] = {
 generated corpus, which says itself which clip is in which split; see `corpus_data`."""
 
 
+def layout_of(name: str, styles: Sequence[str]) -> Layout:
+    """The layout `name` for a system of these styles: they are the subjects that it learns from.
+
+    Splits of the training subjects hold the clips of `styles`; those of others are as published.
+    """
+    published = LAYOUTS[name]
+    splits = {
+        split: Split(tuple(styles), found.sentences) if found.subjects == published.seen else found
+        for split, found in published.splits.items()
+    }
+    return replace(published, seen=tuple(styles), splits=splits)
+
+
 @dataclass(frozen=True)
 class DataSet:
     """An opened data set: the clips of one split."""
@@ -160,11 +173,20 @@ class DataSet:
         Raises:
             DataSetError: there is none.
         """
-        for suffix in SPEECH_SUFFIXES:
-            path = self.root / SPEECH / f"{clip}{suffix}"
-            if path.is_file():
-                return path
-        raise DataSetError(f"{self.root / SPEECH} has no {clip}.wav; animating needs the speech")
+        path = self._speech(clip)
+        if path is None:
+            raise DataSetError(
+                f"{self.root / SPEECH} has no {clip}.wav; animating needs the speech"
+            )
+        return path
+
+    def has_speech(self, clip: str) -> bool:
+        """Whether there is a recording of a clip."""
+        return self._speech(clip) is not None
+
+    def _speech(self, clip: str) -> Path | None:
+        files = (self.root / SPEECH / f"{clip}{suffix}" for suffix in SPEECH_SUFFIXES)
+        return next((file for file in files if file.is_file()), None)
 
 
 def subject_of(clip: str) -> str:

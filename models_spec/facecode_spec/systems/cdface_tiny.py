@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from facecode_spec.schema import CodebookSpec, SystemSpec
 from facecode_spec.systems.codetalker_tiny import SPEC as CODETALKER
+from facecode_spec.systems.codetalker_vocaset import SPEC as VOCASET
 
 (FACE,) = CODETALKER.parts
 _, MOTION_DECODER = FACE.prior
@@ -13,6 +14,7 @@ SPEC: SystemSpec = replace(
     name="cdface-tiny",
     family="cdface",
     reference="the architecture of cdface-vocaset at a small size; not a published system",
+    styles=VOCASET.styles[:3],  # so that it trains on a folder of VOCASET
     parts=(
         replace(
             FACE,

@@ -126,7 +126,7 @@ def test_resumed_is_uninterrupted(data, tmp_path, monkeypatch):
 def stage_of(data, part, **losses):
     vertices = part_vertices(TINY, data.parent / "lips.txt")
     clips = [
-        FolderPart(FolderClips(data, "vocaset", s, TINY.n_vertices), vertices[part], PAIR)
+        FolderPart(FolderClips(data, "vocaset", s, TINY), vertices[part], PAIR)
         for s in ("train", "validation")
     ]
     config = cdface_defaults("cdface-tiny", "data", part, True)
@@ -193,7 +193,7 @@ def test_the_head_of_the_smallest_error_comes_first(data):
 def test_parts_cover_every_vertex_once(data, tmp_path):
     vertices = part_vertices(TINY, data.parent / "lips.txt")
     assert sorted(np.concatenate(list(vertices.values()))) == list(range(42))
-    clips = FolderClips(data, "vocaset", "train", 42)
+    clips = FolderClips(data, "vocaset", "train", TINY)
     part = FolderPart(clips, vertices["lips"], PAIR)
     whole = clips.offsets(0).reshape(-1, 42, 3)
     np.testing.assert_array_equal(part.offsets(0).reshape(-1, 17, 3), whole[:, vertices["lips"]])

@@ -9,6 +9,7 @@ from conftest import DATA, make_folder
 
 from facecode_exporter.config import system_from_config
 from facecode_exporter.data.clips import FolderClips, FolderPart
+from facecode_exporter.data.data_set import LAYOUTS
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import stage2_defaults
 from facecode_exporter.training.losses import counted_mse
@@ -22,7 +23,8 @@ def stage(tmp_path_factory):
     """Of a weight of closed frames."""
     root = make_folder(tmp_path_factory.mktemp("closed") / "data", "vocaset", 120)
     system = system_from_config(CASE / "config.yaml", CASE / "wav2vec2.json")
-    clips = FolderPart(FolderClips(root, "vocaset", "train", 120), np.arange(120), (1, 3))
+    system = dataclasses.replace(system, styles=LAYOUTS["vocaset"].seen)
+    clips = FolderPart(FolderClips(root, "vocaset", "train", system), np.arange(120), (1, 3))
     config = stage2_defaults(system.name, "data")
 
     def make(weight):

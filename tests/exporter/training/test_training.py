@@ -1,7 +1,10 @@
 """Both stages on tiny folders in the public layouts, from the command line to a bundle."""
 
 import csv
+import dataclasses
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +17,10 @@ from facecode_exporter.cli.main import main
 from facecode_exporter.config import system_from_config
 from facecode_exporter.data.clips import FolderClips, batches
 from facecode_exporter.data.data_set import LAYOUTS
-from facecode_exporter.errors import DataSetError
+from facecode_exporter.errors import ConfigError, DataSetError
 from facecode_exporter.training import run
 from facecode_exporter.training.losses import straight_through
+from facecode_spec.systems import SYSTEMS
 
 
 @pytest.fixture(scope="module", params=FORMS)
@@ -48,9 +52,7 @@ def train(data, out, stage, *more):
 def test_layouts(data):
     folder, _, system = data
     form = "biwi" if system.fps == 25 else "vocaset"
-    train_clips, val_clips = (
-        FolderClips(folder, form, s, system.n_vertices) for s in ("train", "validation")
-    )
+    train_clips, val_clips = (FolderClips(folder, form, s, system) for s in ("train", "validation"))
     assert len(train_clips.names) == (6 if form == "vocaset" else 12)
     assert not set(train_clips.names) & set(val_clips.names)
     assert train_clips.offsets(0).shape == (21, 3 * system.n_vertices)
@@ -155,10 +157,59 @@ def test_batches_cover_every_clip_once():
 
 
 def test_folders_that_are_none(tmp_path):
+    def of(form, n_vertices):
+        system = SYSTEMS[f"codetalker-{form}"]
+        part = dataclasses.replace(system.parts[0], n_vertices=None)
+        return dataclasses.replace(system, n_vertices=n_vertices, parts=(part,))
+
     with pytest.raises(DataSetError, match="has no folder vertices_npy"):
-        FolderClips(tmp_path, "biwi", "train", 5)
+        FolderClips(tmp_path, "biwi", "train", of("biwi", 5))
     make_folder(tmp_path / "d", "vocaset", 5)
     with pytest.raises(DataSetError, match="this system has 6"):
-        FolderClips(tmp_path / "d", "vocaset", "train", 6).offsets(0)
+        FolderClips(tmp_path / "d", "vocaset", "train", of("vocaset", 6)).offsets(0)
     with pytest.raises(DataSetError, match="no clip of split"):
-        FolderClips(tmp_path / "d", "biwi", "train", 5)
+        FolderClips(tmp_path / "d", "biwi", "train", of("biwi", 5))
+
+
+@pytest.mark.parametrize("as_list", [False, True])
+@pytest.mark.parametrize("choose", [lambda s: s[::-1], lambda s: s[1:], lambda s: s])
+def test_styles_are_the_subjects_of_the_configuration(data, tmp_path, choose, as_list):
+    """In their order, whatever the published one is, and those alone."""
+    folder, options, published = data
+    form = "biwi" if published.fps == 25 else "vocaset"
+    config = yaml.safe_load(Path(options[1]).read_text())
+    names = list(choose(published.styles[: 2 if form == "vocaset" else None]))
+    config["DATA"]["train_subjects"] = names if as_list else " ".join(names)
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    system = system_from_config(tmp_path / "config.yaml", Path(options[3]))
+    assert system.styles == tuple(names)
+    clips = FolderClips(folder, form, "train", system)
+    found = {clip.rpartition("_")[0]: clips.style(i) for i, clip in enumerate(clips.names)}
+    with_clips = {name.rpartition("_")[0] for name in clips.names}
+    assert found == {name: names.index(name) for name in names if name in with_clips}
+    assert with_clips
+
+
+@pytest.mark.parametrize("given", [None, [], ["a", "a"], ["a", 1], 3, ""])
+def test_subjects_that_are_no_names(data, tmp_path, given):
+    _, options, _ = data
+    config = yaml.safe_load(Path(options[1]).read_text())
+    config["DATA"]["train_subjects"] = given
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    with pytest.raises(ConfigError, match="train_subjects is"):
+        system_from_config(tmp_path / "config.yaml", Path(options[3]))
+
+
+def test_a_missing_recording_costs_its_clip_alone(data, tmp_path, capsys):
+    folder, _, system = data
+    form = "biwi" if system.fps == 25 else "vocaset"
+    copy = shutil.copytree(folder, tmp_path / "data")
+    gone = sorted((copy / "wav").iterdir())
+    whole = FolderClips(copy, form, "train", system).names
+    (copy / "wav" / f"{whole[0]}.wav").unlink()
+    assert FolderClips(copy, form, "train", system).names == whole[1:]
+    assert f"1 clips without a wav are left out: {whole[0]}" in capsys.readouterr().err
+    for file in gone:
+        file.unlink(missing_ok=True)
+    with pytest.raises(DataSetError, match="no wav of any"):
+        FolderClips(copy, form, "train", system)
