@@ -15,9 +15,14 @@ from numpy.typing import NDArray
 from facecode.arrays import Colours, Faces, Indices, Template
 from facecode.bundle_files import load_array, load_optional_array, safe_path, verify_files
 from facecode.clip import Rig
-from facecode.errors import BundleNotFoundError, ManifestError, NewerBundleError
+from facecode.errors import (
+    BundleNotFoundError,
+    ManifestError,
+    NewerBundleError,
+    TemplateError,
+)
 from facecode.rig_file import read_rig
-from facecode.template import TemplateSource, load_template
+from facecode.template import TemplateSource, check_fit, load_template
 from facecode_spec.entries import PartEntry
 from facecode_spec.manifest import MANIFEST_NAME, Manifest, NewerFormatError
 from facecode_spec.plain import SpecError
@@ -93,7 +98,16 @@ class Bundle:
             return self.template
         if isinstance(template, str) and template in self.manifest.identities:
             return self.identity(template)
-        return load_template(template, self.manifest.n_vertices)
+        m = self.manifest
+        if isinstance(template, str) and m.identities and not Path(template).exists():
+            raise TemplateError(
+                f"no template file at {template}, and no identity of that name; the identities are "
+                f"{', '.join(m.identities)}"
+            )
+        found = load_template(template, m.n_vertices)
+        if m.has_template:
+            check_fit(found, self.template, m.unit)
+        return found
 
     def region(self, name: str) -> Indices:
         """Vertex indices (n,) of a region that the manifest names.

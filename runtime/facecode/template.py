@@ -14,6 +14,9 @@ from facecode.errors import TemplateError
 
 TemplateSource: TypeAlias = "str | os.PathLike[str] | AnyArray"
 
+LARGEST_RATIO, LARGEST_TURN, LEAST_AGREEMENT = 3.0, 45.0, 0.7
+"""Of sizes; degrees; correlation of vertices after the best rotation, about 1 for any two heads."""
+
 
 def load_template(source: TemplateSource, n_vertices: int) -> Template:
     """Vertices (V, 3) float32 with the bundle's topology.
@@ -36,6 +39,45 @@ def load_template(source: TemplateSource, n_vertices: int) -> Template:
     if not np.issubdtype(vertices.dtype, np.number) or not np.isfinite(vertices).all():
         raise TemplateError("template holds values that are not finite numbers")
     return np.ascontiguousarray(vertices, dtype=np.float32)
+
+
+def check_fit(template: Template, own: Template, unit: str) -> None:
+    """Refuse a template that cannot be this head: of another unit, axes or order of vertices.
+
+    Compared with the bundle's own face by size and by the rotation that fits best (Kabsch 1976);
+    heads of any shape that people have pass.
+
+    Args:
+        template: (V, 3).
+        own: (V, 3) of the bundle.
+        unit: of the bundle, for messages.
+
+    Raises:
+        TemplateError
+    """
+    centred, mine = (each - each.mean(axis=0, dtype=np.float64) for each in (template, own))
+    size, expected = float(np.linalg.norm(centred)), float(np.linalg.norm(mine))
+    ratio = size / expected if np.isfinite(size) else np.inf
+    if not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
+        raise TemplateError(
+            f"the template is {ratio:.3g} times as large as the bundle's own face, whose unit is "
+            f"{unit}; bring it to that unit"
+        )
+    left, agreement, right = np.linalg.svd(mine.T @ centred / (size * expected))
+    if agreement.sum() < LEAST_AGREEMENT:
+        raise TemplateError(
+            "the template's vertices lie elsewhere than those of the bundle's own face; export the "
+            "mesh without re-ordering or merging vertices"
+        )
+    rotation = left @ right
+    if np.linalg.det(rotation) < 0:
+        raise TemplateError("the template is mirrored; turn one of its axes round")
+    angle = np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1)))
+    if angle > LARGEST_TURN:
+        raise TemplateError(
+            f"the template is turned by {angle:.0f} degrees against the bundle's own face; export "
+            "the mesh with the bundle's up axis"
+        )
 
 
 def read_mesh(path: Path) -> tuple[AnyArray, Faces | None]:

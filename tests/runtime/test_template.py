@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from facecode.bundle import Bundle
 from facecode.errors import TemplateError
 from facecode.template import load_template, read_mesh
 
@@ -83,3 +84,45 @@ def test_pickled_templates_are_refused(tmp_path):
     np.save(tmp_path / "t.npy", np.array([object()]), allow_pickle=True)
     with pytest.raises(TemplateError, match="cannot be read"):
         load_template(tmp_path / "t.npy", 3)
+
+
+@pytest.fixture(scope="module")
+def packaged():
+    return Bundle.open("demo")
+
+
+def turned(vertices, axis, degrees):
+    matrix = trimesh.transformations.rotation_matrix(np.radians(degrees), axis)[:3, :3]
+    return vertices @ matrix.T
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda v: v * 1000, "1e.03 times as large as the bundle's own face, whose unit is metres"),
+        (lambda v: v / 100, "0.01 times as large"),
+        (lambda v: v * 0, "0 times as large"),
+        (lambda v: v * 1e30, "times as large"),
+        (lambda v: v[np.random.default_rng(0).permutation(len(v))], "without re-ordering"),
+        (lambda v: turned(v, [1, 0, 0], 90), "turned by 90 degrees"),
+        (lambda v: turned(v, [0, 1, 0], 180), "turned by 180 degrees"),
+        (lambda v: v * [-1, 1, 1], "mirrored"),
+        (lambda v: v[:, [0, 2, 1]], "mirrored"),
+    ],
+)
+def test_a_template_that_is_no_such_head_is_refused(packaged, change, message):
+    with pytest.raises(TemplateError, match=message):
+        packaged.neutral(change(packaged.template))
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.7])
+def test_heads_of_other_people_sizes_and_places_pass(packaged, scale):
+    for name in packaged.manifest.identities:
+        packaged.neutral(packaged.identity(name) * scale + np.float32([0, 1.6, 0]))
+    packaged.neutral(turned(packaged.template, [1, 0, 0], 20))
+    packaged.neutral(packaged.template * [1.4, 0.8, 1.1])
+
+
+def test_names_that_are_no_identity(packaged):
+    with pytest.raises(TemplateError, match="the identities are"):
+        packaged.neutral("nobody")

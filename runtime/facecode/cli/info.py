@@ -30,6 +30,8 @@ def summary(bundle: Bundle) -> str:
         ("audio", f"{m.sample_rate:,} Hz mono"),
         *(("mode", f"{name}: {_mode(entry)}") for name, entry in m.modes.items()),
         ("styles", ", ".join(m.styles)),
+        *((("identities", ", ".join(m.identities)),) if m.identities else ()),
+        *((("regions", ", ".join(m.regions)),) if m.regions else ()),
         ("template", f"{template}; faces {'yes' if m.faces else 'no'}"),
         ("rig", "none" if m.rig is None else f"{len(m.rig.names)} face units"),
         ("precision", f"{m.precision}, opset {m.opset}"),

@@ -133,10 +133,12 @@ def test_speech_of_every_face_is_judged(bundle, tmp_path, speech):
     soundfile.write(tmp_path / "a.wav", speech[0][:16000], speech[1])
     phones = [Phone("P", 0.2, 0.3), Phone("AA", 0.3, 0.5), Phone("SIL", 0.5, 1.0)]
     recording = Recording("a", tmp_path / "a.wav", speech[0][:16000], phones)
-    clips = list(judge_speech(animator, [recording], ["a"], (1, 3), iter, samples=3))
+    clips = list(judge_speech(animator, [recording], [TINY.styles[0]], (1, 3), iter, samples=3))
     assert [clip.style for clip in clips] == ["a-0", "a-1", "a-2"]
-    for clip, face in zip(clips, animator.animate(recording.path, "a", samples=3), strict=True):
+    for clip, face in zip(
+        clips, animator.animate(recording.path, TINY.styles[0], samples=3), strict=True
+    ):
         alone = measure(face, recording, clip.style, (1, 3))
         np.testing.assert_array_equal(clip.relative, alone.relative)
-    (one,) = judge_speech(animator, [recording], ["a"], (1, 3), iter)
+    (one,) = judge_speech(animator, [recording], [TINY.styles[0]], (1, 3), iter)
     np.testing.assert_allclose(one.relative, clips[0].relative, atol=1e-4)  # rows of one batch
