@@ -8,6 +8,7 @@ FacecodeError
   EvaluationError (ValueError)           motion or recordings that cannot be scored
     DataSetError                         truth that is not in the layout of VOCASET or BIWI
     RegionError                          vertex indices that are missing or do not fit the mesh
+  UnitsError (ValueError)                face units that cannot be read, or of another mesh
   OutputExistsError (FileExistsError)    a folder that is not ours to replace
   RunError (ValueError)                  a training run that cannot start or go on
   ParityError (RuntimeError)             the bundle does not compute what the network computes
@@ -47,6 +48,10 @@ class DataSetError(EvaluationError):
 
 class RegionError(EvaluationError):
     """A region is missing, or names vertices that the mesh does not have."""
+
+
+class UnitsError(FacecodeError, ValueError):
+    """Face units that cannot be read, or that are of another mesh."""
 
 
 class OutputExistsError(FacecodeError, FileExistsError):

@@ -8,6 +8,7 @@ variable at a time takes over, which ends. Knows nothing of names, bundles or fi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,33 +44,75 @@ class WeightProblem:
         gram[np.diag_indices_from(gram)] += ridge * scale + np.finfo(np.float64).tiny
         return cls(gram / scale if scale else gram, scale)
 
-    def solve(self, products: Float64) -> Float32:
-        """Products (T, K) of offsets with the units to weights (T, K) float32 in [0, 1]."""
+    def solve(
+        self, products: Float64, temporal: float = 0, cancel: Sequence[tuple[int, int]] = ()
+    ) -> Float32:
+        """Products (T, K) of offsets with the units to weights (T, K) float32 in [0, 1].
+
+        Args:
+            products: of all frames.
+            temporal: see `solve_weights`.
+            cancel: see `solve_weights`.
+        """
         weights = np.zeros(products.shape, np.float32)
-        if self.scale:
-            for start in range(0, len(products), CHUNK):
-                chunk = slice(start, start + CHUNK)
-                weights[chunk] = solve_box(self.gram, products[chunk] / self.scale)
+        if not self.scale:
+            return weights
+        n = 1 if temporal else CHUNK  # frames that do not wait for each other
+        gram, drawn = self.gram, self.gram + temporal * np.eye(len(self.gram))
+        before: Float64 = np.zeros((1, len(gram)))
+        for start in range(0, len(products), n):
+            wanted = products[start : start + n] / self.scale
+            if temporal and start:
+                gram, wanted = drawn, wanted + temporal * before
+            before = _solve(gram, wanted, cancel)
+            weights[start : start + n] = before
         return weights
 
 
-def solve_weights(offsets: Offsets, deltas: Float32, ridge: float = RIDGE) -> Float32:
+def solve_weights(
+    offsets: Offsets,
+    deltas: Float32,
+    ridge: float = RIDGE,
+    temporal: float = 0,
+    cancel: Sequence[tuple[int, int]] = (),
+) -> Float32:
     """Weights (T, K) float32 in [0, 1] for which `weights @ deltas` is nearest to the offsets.
+
+    The defaults serve the units of the packaged bundles, whose motion lies in their span. Units of
+    one's own may ask for more: with m the mean of the squares of the deltas, frame t minimises
+    `|w D - o|^2 + m ridge |w|^2 + m temporal |w - w_before|^2` in the box, exactly.
 
     Args:
         offsets: (T, V, 3), from the neutral face.
         deltas: (K, V, 3), what each unit moves at weight 1, in the same unit.
-        ridge: share of the mean diagonal that is added to it.
+        ridge: draws weights to 0.
+        temporal: draws weights to those of the frame before; frames are then solved in turn. The
+            first frame has none before it.
+        cancel: pairs of units (i, j) that must not act at once, such as jawLeft and jawRight: the
+            smaller of the two is held at 0, the second where they are equal, and the others are
+            solved again.
     """
     flat = deltas.reshape(len(deltas), -1).astype(np.float64)
     products = np.empty((len(offsets), len(deltas)))
     for start in range(0, len(offsets), CHUNK):
         chunk = slice(start, start + CHUNK)
         products[chunk] = offsets[chunk].reshape(len(offsets[chunk]), -1).astype(float) @ flat.T
-    return WeightProblem.of(deltas, ridge).solve(products)
+    return WeightProblem.of(deltas, ridge).solve(products, temporal, cancel)
 
 
-def solve_box(gram: Float64, wanted: Float64) -> Float64:
+def _solve(gram: Float64, wanted: Float64, cancel: Sequence[tuple[int, int]]) -> Float64:
+    weights = solve_box(gram, wanted)
+    if not cancel:
+        return weights
+    held = np.zeros(wanted.shape, bool)
+    for one, other in cancel:
+        first_is_smaller = weights[:, one] < weights[:, other]
+        held[first_is_smaller, one] = True
+        held[~first_is_smaller, other] = True
+    return solve_box(gram, wanted, held)
+
+
+def solve_box(gram: Float64, wanted: Float64, held: NDArray[np.bool_] | None = None) -> Float64:
     """Minimise w H w / 2 - g w over 0 <= w <= 1 for every row g of `wanted` (T, K).
 
     A row gives the same bits alone and among others.
@@ -77,6 +120,7 @@ def solve_box(gram: Float64, wanted: Float64) -> Float64:
     Args:
         gram: H (K, K), symmetric and positive definite.
         wanted: g of each frame, (T, K).
+        held: (T, K), which weights stay at 0; none by default.
     """
     n_frames, n_units = wanted.shape
     place = np.full(wanted.shape, LOWER)
@@ -88,6 +132,8 @@ def solve_box(gram: Float64, wanted: Float64) -> Float64:
     while len(active):
         weights[active] = _with_places(gram, wanted[active], place[active])
         moves = _violations(gram, wanted[active], weights[active], place[active], scale[active])
+        if held is not None:
+            moves[held[active]] = -1
         count = (moves >= 0).sum(axis=1)
         better = count < fewest[active]
         tries[active] = np.where(better, BLOCK_TRIES, tries[active] - 1)

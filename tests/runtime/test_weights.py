@@ -59,6 +59,69 @@ def test_as_bvls_of_scipy(seed):
         np.testing.assert_allclose(row, want, atol=1e-6)
 
 
+def least_squares(offsets, deltas, ridge, temporal, held=()):
+    """Frame after frame by SciPy, on the rows of the problem as they stand."""
+    flat = deltas.reshape(len(deltas), -1).astype(float)
+    mean = np.square(flat).sum() / len(flat)
+    eye, before, rows = np.eye(len(flat)), None, []
+    for t, frame in enumerate(offsets):
+        draw = np.sqrt(temporal * mean) if before is not None else 0
+        left = np.vstack([flat.T, np.sqrt(ridge * mean) * eye, draw * eye])
+        right = [frame.ravel(), np.zeros(len(flat)), draw * (0 if before is None else before)]
+        right[2] = np.broadcast_to(right[2], len(flat))
+        free = [k for k in range(len(flat)) if not len(held) or not held[t][k]]
+        found = lsq_linear(left[:, free], np.concatenate(right), (0, 1), method="bvls", tol=1e-14)
+        before = np.zeros(len(flat))
+        before[free] = found.x
+        rows.append(before)
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("ridge", [0, 1e-2, 1])
+@pytest.mark.parametrize("temporal", [0, 0.3, 5])
+def test_options_for_units_of_ones_own(ridge, temporal):
+    """Optimal in each frame, given the frame before; the more is asked, the calmer and smaller."""
+    rng = np.random.default_rng(1)
+    deltas = rng.standard_normal((6, 20, 3)).astype(np.float32)
+    offsets = np.tensordot(rng.uniform(-0.5, 1.5, (70, 6)), deltas, axes=1).astype(np.float32)
+    got = solve_weights(offsets, deltas, ridge=ridge, temporal=temporal)
+    np.testing.assert_allclose(got, least_squares(offsets, deltas, ridge, temporal), atol=1e-6)
+    plain = solve_weights(offsets, deltas, ridge=0)
+    if temporal:
+        assert np.abs(np.diff(got, axis=0)).mean() < 0.9 * np.abs(np.diff(plain, axis=0)).mean()
+
+
+@pytest.mark.parametrize("temporal", [0, 0.3])
+def test_pairs_that_cancel(temporal):
+    """The smaller of a pair is 0, and the others are optimal without it."""
+    rng = np.random.default_rng(2)
+    deltas = rng.standard_normal((6, 20, 3)).astype(np.float32)
+    deltas[1] = -deltas[0] + 0.3 * deltas[1]
+    offsets = np.tensordot(rng.uniform(-0.5, 1.5, (70, 6)), deltas, axes=1).astype(np.float32)
+    pairs = [(0, 1), (4, 3)]
+    got = solve_weights(offsets, deltas, temporal=temporal, cancel=pairs)
+    held = np.zeros(got.shape, bool)
+    for pair in pairs:
+        assert (got[:, pair] == 0).any(axis=1).all()
+        held[:, pair] = got[:, pair] == 0
+        held[:, pair[0]] &= ~held[:, pair[1]] | (got[:, pair[0]] > 0)
+    want = least_squares(offsets, deltas, RIDGE, temporal, held)
+    np.testing.assert_allclose(got, want, atol=1e-6)
+    assert (got[:, [0, 4]] > 0).any()
+    assert (got[:, [1, 3]] > 0).any()
+
+
+def test_frames_beyond_a_chunk():
+    """In turn or at once, in a solve of all frames or of some."""
+    rng = np.random.default_rng(3)
+    deltas = rng.standard_normal((5, 20, 3)).astype(np.float32)
+    offsets = np.tensordot(rng.uniform(-0.5, 1.5, (130, 5)), deltas, axes=1).astype(np.float32)
+    together = solve_weights(offsets, deltas)
+    np.testing.assert_array_equal(together[64:128], solve_weights(offsets[64:128], deltas))
+    nearly = solve_weights(offsets, deltas, temporal=1e-9)
+    np.testing.assert_allclose(nearly, together, atol=1e-6)
+
+
 def test_odd_rigs():
     rng = np.random.default_rng(0)
     deltas = rng.standard_normal((4, 6, 3)).astype(np.float32)

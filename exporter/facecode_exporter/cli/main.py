@@ -17,6 +17,7 @@ from facecode_exporter.cli.bench_reference import add_parser as add_bench_refere
 from facecode_exporter.cli.demo import add_baseline_parser, add_model_parser
 from facecode_exporter.cli.demo import add_parser as add_corpus_parser
 from facecode_exporter.cli.evaluate import add_parser as add_evaluate
+from facecode_exporter.cli.face_options import add_face_options
 from facecode_exporter.cli.options import add_variant_options, divided
 from facecode_exporter.cli.train import add_parser as add_train_parser
 from facecode_spec.systems import SYSTEMS
@@ -40,6 +41,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     export.set_defaults(run=run_export)
     _add_checkpoints(export, system_required=True)
     export.add_argument("--template", type=Path, metavar="MESH", help=".ply, .obj or .npy (V, 3)")
+    add_face_options(export)
     add_variant_options(export)
     export.add_argument(
         "--precision", choices=("fp32", "int8"), default="fp32", help="of the weights (fp32)"
@@ -79,10 +81,12 @@ def run_export(args: argparse.Namespace) -> None:
     from facecode_exporter.bundles.parity import describe_case
     from facecode_exporter.bundles.writer import write_bundle
     from facecode_exporter.checkpoints import load_system
+    from facecode_exporter.cli.face_options import with_face_options
     from facecode_spec.graphs import part_file
 
     system, own = divided(_system(args), args)
     neutral = replace(read_neutral(args.template, system.n_vertices), parts=own)
+    neutral = with_face_options(neutral, args)
     net = load_system(system, args.stage1, args.stage2)
     sources = {
         part_file(system, part, stage): path
