@@ -31,6 +31,7 @@ FacecodeError
     NoFacesError (ValueError)          a surface of a face whose triangles are not known
     NoRigError (ValueError)            weights of a face whose units are not known
     NoVerticesError (ValueError)       vertices of a clip of weights alone
+    EmptyClipError (ValueError)        motion of a clip without a frame
     UnitNamesError (ValueError)        units that the format does not know
   OntoError (ValueError)      an avatar that cannot be read, or has no unit of ours
   AvatarNotFoundError (FileNotFoundError)
@@ -199,6 +200,10 @@ class NoVerticesError(OutputError, ValueError):
         return cls(
             f"{what} need vertices, and this clip was animated with vertices=False: leave that out"
         )
+
+
+class EmptyClipError(OutputError, ValueError):
+    """The format shows motion, and the clip has no frame."""
 
 
 class UnitNamesError(OutputError, ValueError):

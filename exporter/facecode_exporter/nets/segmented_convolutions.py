@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import cast
 
 import torch
@@ -84,14 +83,13 @@ class SegmentedConvolutions(nn.Module):
         if self.taps is not None:
             x, weight = self.taps(x)
         n = (x.shape[2] - self.reach) // self.stride + 1
-        edges = [n * i // N_SEGMENTS for i in range(N_SEGMENTS + 1)]
-        segments = []
-        for start, stop in pairwise(edges):
-            # A clip of few features has segments without any: one is made and dropped.
-            n_made = torch.sym_max(stop - start, 1)
-            part = x.narrow(2, start * self.stride, (n_made - 1) * self.stride + self.reach)
-            segments.append(self._features(part, weight)[:, :, : stop - start])
-        return torch.cat(segments, dim=2)
+        # Segments of one length, the last one padded: torch.export reasons about one shape.
+        n_each = (n + N_SEGMENTS - 1) // N_SEGMENTS
+        n_read = (n_each - 1) * self.stride + self.reach
+        x = F.pad(x, (0, N_SEGMENTS * n_each * self.stride))
+        starts = [i * n_each * self.stride for i in range(N_SEGMENTS)]
+        segments = [self._features(x.narrow(2, start, n_read), weight) for start in starts]
+        return torch.cat(segments, dim=2)[:, :, :n]
 
     def _features(self, x: Tensor, weight: Tensor | None) -> Tensor:
         if weight is not None:

@@ -27,13 +27,14 @@ from facecode.errors import (
 from facecode.writers.audio2face_json import JSON
 from facecode.writers.format import Format
 from facecode.writers.glb import GLB
+from facecode.writers.html import HTML
 from facecode.writers.live_link_csv import CSV
 from facecode.writers.mp4 import MP4
 from facecode.writers.npz import NPZ
 from facecode.writers.point_cache import MDD, PC2
 from facecode.writers.vrma import VRMA
 
-FORMATS: dict[str, Format] = {f.suffix: f for f in (NPZ, MP4, GLB, CSV, JSON, PC2, MDD, VRMA)}
+FORMATS: dict[str, Format] = {f.suffix: f for f in (NPZ, MP4, GLB, HTML, CSV, JSON, PC2, MDD, VRMA)}
 """By suffix, in the order in which they are shown to users."""
 
 
