@@ -1,4 +1,4 @@
-"""Programs of other people that open .glb files, and the clips that they are given."""
+"""Programs of other people that open our files, and the clips that they are given."""
 
 import dataclasses
 import functools
@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -44,18 +45,23 @@ def chromium():
     return found or pytest.skip("no Chromium: apt-get install chromium")
 
 
-def facecap():
-    """A head of others with ARKit's shapes, compressed by meshopt."""
+def openfacefx():
+    """The folder of a package that reads and writes tracks of face animation."""
     spec = importlib.util.find_spec("openfacefx")
     folder = os.environ.get(
         "FACECODE_OPENFACEFX", spec.submodule_search_locations[0] if spec else ""
     )
-    path = Path(folder, "studio_web", "assets", "facecap.glb")
-    if not folder or not path.is_file():
+    if not folder or not Path(folder).is_dir():
         pytest.skip(
-            "no facecap.glb: pip install openfacefx, or FACECODE_OPENFACEFX names its folder"
+            "no OpenFaceFX: pip install openfacefx, or FACECODE_OPENFACEFX names its folder"
         )
-    return path
+    return Path(folder).resolve()
+
+
+def facecap():
+    """A head of others with ARKit's shapes, compressed by meshopt."""
+    path = openfacefx() / "studio_web" / "assets" / "facecap.glb"
+    return path if path.is_file() else pytest.skip(f"no {path}")
 
 
 def run(*command):
@@ -89,6 +95,27 @@ def in_blender(path, fps, n_frames):
     printed = run(bpy_python(), HERE / "blender_vertices.py", path, out, fps, n_frames)
     facts = next(line for line in printed.splitlines() if line.startswith("FACTS "))
     return json.loads(facts.removeprefix("FACTS ")), np.load(out)
+
+
+def in_blender_cache(mesh, cache, fps, n_frames):
+    """Facts, and positions (T, V, 3) of a mesh under a Mesh Cache modifier, as Blender shows."""
+    out = cache.with_suffix(".npy")
+    script = HERE / "blender_cache.py"
+    printed = run(bpy_python(), script, mesh, cache, out, fps, n_frames)
+    facts = next(line for line in printed.splitlines() if line.startswith("FACTS "))
+    return json.loads(facts.removeprefix("FACTS ")), np.load(out)
+
+
+def in_openfacefx(path):
+    """For each channel its keys (n, 2): time in seconds, value."""
+    found = json.loads(run(sys.executable, HERE / "openfacefx_tracks.py", openfacefx(), path))
+    return {name: np.array(keys) for name, keys in found.items()}
+
+
+def in_three_vrm(path, times):
+    """Facts, and a dict of expression to weights (n,) that an avatar of three-vrm takes."""
+    out = json.loads(run("node", HERE / "vrm_weights.mjs", node_modules(), path, *times))
+    return out, {name: np.array(values) for name, values in out.pop("weights").items()}
 
 
 def in_chromium(path, out, *seconds):

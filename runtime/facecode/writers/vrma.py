@@ -30,7 +30,8 @@ def write_blocks_vrma(face: Clip, n_frames: int, blocks: Iterable[Clip], file: B
         NoRigError: the face units are not known.
     """
     del n_frames
-    weights = np.concatenate([block.weights for block in blocks])
+    none = np.zeros((0, len(face.weight_names)), np.float32)
+    weights = np.concatenate([none, *(block.weights for block in blocks)])
     by_name = {pascal(name): weights[:, i] for i, name in enumerate(face.weight_names)}
     _write(face.fps, "custom", by_name, file)
 
@@ -84,7 +85,8 @@ def _write(fps: float, kind: str, by_name: Mapping[str, Float32], file: BinaryIO
         translation = np.zeros((len(weights), 3), np.float32)
         translation[:, 0] = weights
         channels.append((nodes[name], "translation", translation))
-    add_animation(document, "facecode", fps, channels)
+    if any(len(weights) for weights in by_name.values()):  # an animation of no key is not valid
+        add_animation(document, "facecode", fps, channels)
     expressions = {kind: {name: {"node": node} for name, node in nodes.items()}}
     document.tree["extensionsUsed"] = [EXTENSION]
     document.tree["extensions"] = {EXTENSION: {"specVersion": "1.0", "expressions": expressions}}

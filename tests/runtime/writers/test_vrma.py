@@ -72,3 +72,11 @@ def test_bytes_do_not_depend_on_the_blocks(cuts):
     whole = written(lambda file: VRMA.write(clip, file, False))
     blocks = written(lambda file: write_blocks_vrma(still(clip), 7, cut(clip, cuts), file))
     assert (blocks.text, blocks.binary) == (whole.text, whole.binary)
+
+
+def test_no_frame_is_no_animation():
+    glb = written(lambda file: VRMA.write(still(rigged(1)), file, False))
+    assert "animations" not in glb.tree
+    assert len(glb.tree["extensions"][EXTENSION]["expressions"]["custom"]) == len(NAMES)
+    blocks = written(lambda file: write_blocks_vrma(still(rigged(1)), 0, [], file))
+    assert blocks.text == glb.text

@@ -111,7 +111,8 @@ class Document:
         Raises:
             OutputWriteError: over 4 GiB.
         """
-        self.tree["buffers"] = [{"byteLength": self.n_bytes}]
+        if self.n_bytes:  # a buffer of no byte is not valid
+            self.tree["buffers"] = [{"byteLength": self.n_bytes}]
         write_container(file, to_json(self.tree), self.pieces, self.n_bytes)
 
 
