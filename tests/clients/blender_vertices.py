@@ -31,7 +31,10 @@ bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 scene.render.fps = round(fps)
 begun = time.perf_counter()
-bpy.ops.import_scene.gltf(filepath=path)
+if path.endswith(".glb"):
+    bpy.ops.import_scene.gltf(filepath=path)
+else:
+    bpy.ops.wm.usd_import(filepath=path)
 imported = time.perf_counter()
 objects = sorted((o for o in bpy.data.objects if o.type == "MESH"), key=lambda o: o.name)
 frames = []

@@ -32,9 +32,14 @@ from facecode.writers.live_link_csv import CSV
 from facecode.writers.mp4 import MP4
 from facecode.writers.npz import NPZ
 from facecode.writers.point_cache import MDD, PC2
+from facecode.writers.usda import USDA
+from facecode.writers.usdc import USDC
+from facecode.writers.usdz import USDZ
 from facecode.writers.vrma import VRMA
 
-FORMATS: dict[str, Format] = {f.suffix: f for f in (NPZ, MP4, GLB, HTML, CSV, JSON, PC2, MDD, VRMA)}
+FORMATS: dict[str, Format] = {
+    f.suffix: f for f in (NPZ, MP4, GLB, HTML, CSV, JSON, USDA, USDZ, USDC, VRMA, PC2, MDD)
+}
 """By suffix, in the order in which they are shown to users."""
 
 

@@ -10,44 +10,18 @@ The sound is not in it: glTF has no place for it. Knows nothing of bytes (`gltf/
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from facecode.arrays import Float32
 from facecode.clip import Clip
-from facecode.errors import NoFacesError
-from facecode.writers.components import components_of
 from facecode.writers.format import Format, gathered
 from facecode.writers.gltf.animation import add_animation
 from facecode.writers.gltf.document import INDICES, VERTICES, Document, narrow
-from facecode.writers.space import metres_per_unit, metres_y_up
+from facecode.writers.shapes import Shapes, places, shapes_of, surface_of
 
-TOLERANCE_MM = 0.1
-"""The greatest error of a vertex without a rig: 17 shapes for the packaged sentence."""
-UNKNOWN_TOLERANCE = 5e-4
-"""The same where the unit is not known, as a share of the head's height (0.1 mm of 20 cm)."""
-APART = 1.3  # widths of a head from one face to the next
 ANIMATION = "facecode"
 ROUGHNESS = 0.6  # of skin: a broad, weak highlight
-
-
-@dataclass(frozen=True)
-class Shapes:
-    """What moves a face: K shapes in metres, y up, and the weights of each clip."""
-
-    names: tuple[str, ...]
-    rest: Float32
-    """(V, 3) displacement of the template where all weights are 0."""
-    deltas: Float32
-    """(K, V, 3)"""
-    weights: tuple[Float32, ...]
-    """(T, K) for each clip"""
-    at_rest: list[float]
-    """(K,) weights of the mesh while nothing plays"""
-    notes: dict[str, Any] = field(default_factory=dict)
-    """What is said of them in the file."""
 
 
 def write_glb(clip: Clip, file: BinaryIO, progress: bool = False) -> None:  # noqa: ARG001
@@ -87,7 +61,7 @@ def document_of(clips: Sequence[Clip]) -> Document:
     Raises:
         NoFacesError: a clip has no triangles.
     """
-    shapes = _units(clips) if clips[0].rig is not None else _components(clips)
+    shapes = shapes_of(clips)
     from importlib.metadata import version
 
     asset = {"version": "2.0", "generator": f"facecode {version('facecode')}"}
@@ -95,9 +69,8 @@ def document_of(clips: Sequence[Clip]) -> Document:
     document = Document({"asset": asset | {"extras": extras}, "scene": 0})
     document.add("scenes", name="facecode", nodes=list(range(len(clips))))
     material = document.add("materials", **_material(clips[0]))
-    places = (np.arange(len(clips)) - (len(clips) - 1) / 2) * APART * _width(clips[0])
     channels = []
-    for index, (clip, x) in enumerate(zip(clips, places.tolist(), strict=True)):
+    for index, (clip, x) in enumerate(zip(clips, places(clips), strict=True)):
         name = "face" if len(clips) == 1 else f"face_{index + 1}"
         mesh = _add_mesh(document, name, clip, shapes, material)
         node = document.add("nodes", name=name, mesh=mesh, translation=[x, 0, 0] if x else None)
@@ -107,46 +80,8 @@ def document_of(clips: Sequence[Clip]) -> Document:
     return document
 
 
-def _units(clips: Sequence[Clip]) -> Shapes:
-    first, rig = clips[0], clips[0].rig
-    assert rig is not None
-    weights = tuple(np.asarray(clip.weights, np.float32) for clip in clips)
-    deltas = metres_y_up(first, rig.deltas)
-    rest = np.zeros_like(first.template)
-    return Shapes(rig.names, rest, deltas, weights, [0.0] * len(rig.names))
-
-
-def _components(clips: Sequence[Clip]) -> Shapes:
-    first = clips[0]
-    if not first.n_frames:
-        none = np.zeros((0, *first.template.shape), np.float32)
-        weights = tuple(np.zeros((0, 0), np.float32) for _ in clips)
-        return Shapes((), np.zeros_like(first.template), none, weights, [])
-    height = float(np.ptp(first.template, axis=0).max())
-    known = first.metres_per_unit is not None
-    per_mm = 1000 * metres_per_unit(first)
-    tolerance = TOLERANCE_MM / per_mm if known else UNKNOWN_TOLERANCE * height
-    found = components_of([clip.offsets for clip in clips], tolerance)
-    names = tuple(f"component_{index + 1:02d}" for index in range(len(found.shapes)))
-    notes: dict[str, Any] = {"components": len(names)}
-    if known:
-        notes |= {"tolerance_mm": TOLERANCE_MM, "greatest_error_mm": found.error * per_mm}
-    else:
-        notes |= {"tolerance": tolerance, "greatest_error": found.error}
-    rest, deltas = metres_y_up(first, found.rest), metres_y_up(first, found.shapes)
-    at_rest = found.weights[0][0].tolist()  # with all at 0 the face is no face
-    return Shapes(names, rest, deltas, found.weights, at_rest, notes)
-
-
 def _add_mesh(document: Document, name: str, clip: Clip, shapes: Shapes, material: int) -> int:
-    if clip.faces is None:
-        raise NoFacesError.to_write(".glb")
-    from facecode.render.surface import outward, vertex_normals
-
-    template = metres_y_up(clip, clip.template)
-    faces = outward(template, clip.faces)
-    normals = vertex_normals(template, faces)
-    normals[~normals.any(axis=1)] = 0, 0, 1  # of vertices without a triangle
+    template, faces, normals = surface_of(clip, ".glb")
     attributes = {
         "POSITION": document.accessor(template + shapes.rest, target=VERTICES, bounds=True),
         "NORMAL": document.accessor(normals, target=VERTICES),
@@ -154,8 +89,7 @@ def _add_mesh(document: Document, name: str, clip: Clip, shapes: Shapes, materia
     if clip.colours is not None:
         colours = _linear_16_bit(clip.colours)
         attributes["COLOR_0"] = document.accessor(colours, target=VERTICES, normalized=True)
-    distinct = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    indices = narrow(faces[distinct].ravel(), len(template))
+    indices = narrow(faces.ravel(), len(template))
     primitive = {
         "attributes": attributes,
         "indices": document.accessor(indices, target=INDICES),
@@ -190,10 +124,6 @@ def _linear_16_bit(colours: Any) -> Any:  # noqa: ANN401
     rgb = np.rint(light.linear(colours) * 65535)
     opaque = np.full((len(rgb), 1), 65535)
     return np.concatenate([rgb, opaque], axis=1).astype(np.uint16)
-
-
-def _width(clip: Clip) -> float:
-    return float(np.ptp(metres_y_up(clip, clip.template)[:, 0]))
 
 
 GLB = Format(

@@ -10,7 +10,8 @@ from small_faces import NAMES, ball, changed, rigged
 from facecode import writers
 from facecode.clip import Clip, Rig
 from facecode.errors import NoFacesError
-from facecode.writers.glb import APART, GLB, TOLERANCE_MM
+from facecode.writers.glb import GLB
+from facecode.writers.shapes import APART, TOLERANCE_MM
 
 
 def written(clips):

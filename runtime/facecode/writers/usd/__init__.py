@@ -1,0 +1,1 @@
+"""What the USD formats share: the text of a scene."""
