@@ -117,8 +117,8 @@ class Animator:
     ) -> Blocks:
         """Animate one recording block by block: what `animate` gives, in the memory of a block.
 
-        In `window` mode blocks are a few seconds long; in `exact` mode, or with a part to hold, all
-        frames come as one block.
+        Blocks have 64 frames, the last fewer. In `window` mode they come as frames become final, in
+        `exact` mode when the last frame is known.
 
         Args:
             audio: see `animate`.
@@ -126,7 +126,7 @@ class Animator:
             **options: see `facecode.options.Options`.
 
         Raises:
-            As `animate`; CodesError when the first block is asked for.
+            As `animate`; GraphError while blocks are asked for.
         """
         refuse_unknown("blocks", options, Options)
         request, neutral, waveform = self._asked(audio, style, options, None)

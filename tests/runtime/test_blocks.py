@@ -6,7 +6,7 @@ from conftest import SPEECH, TINY
 
 import facecode
 from facecode.cli.main import main
-from facecode.errors import NoRigError, NoVerticesError
+from facecode.errors import CodesError, NoRigError, NoVerticesError
 
 
 @pytest.fixture(scope="module", params=["demo", "diverse"])
@@ -21,16 +21,51 @@ def long(n=3):
     return np.tile(samples, n)
 
 
-def test_blocks_are_the_frames_of_the_clip(face):
-    clip = face.animate(long(), mode="window")
-    blocks = face.blocks(long(), mode="window")
+@pytest.mark.parametrize("mode", ["exact", "window"])
+@pytest.mark.parametrize("n", [0.01, 0.3, 3])
+def test_blocks_are_the_frames_of_the_clip(face, mode, n):
+    audio = long()[: int(n * 113_600)]
+    clip = face.animate(audio, mode=mode)
+    blocks = face.blocks(audio, mode=mode)
     assert blocks.n_frames == clip.n_frames
     found = list(blocks)
-    assert len(found) > 3
+    assert all(block.n_frames == 64 for block in found[:-1])
+    assert 1 <= found[-1].n_frames <= 64
     assert np.array_equal(np.concatenate([b.offsets for b in found]), clip.offsets)
     assert np.array_equal(np.concatenate([b.codes for b in found]), clip.codes)
     assert blocks.still.n_frames == 0
     assert np.array_equal(blocks.still.audio, clip.audio)
+
+
+@pytest.mark.parametrize("mode", ["exact", "window"])
+def test_parts_that_are_held_come_block_by_block_too(mode):
+    face = facecode.load("diverse", threads=1)
+    takes = face.animate(SPEECH, samples=2)
+    for hold in (
+        {"lips": takes[1]},
+        {"upper_face": takes[1]},
+        dict.fromkeys(takes[1].parts, takes[1]),
+    ):
+        clip = face.animate(SPEECH, mode=mode, hold=hold)
+        found = list(face.blocks(SPEECH, mode=mode, hold=hold))
+        assert len(found) == 4
+        assert np.array_equal(np.concatenate([b.offsets for b in found]), clip.offsets)
+        assert np.array_equal(np.concatenate([b.codes for b in found]), clip.codes)
+
+
+def test_a_block_comes_as_soon_as_its_frames_are_final(monkeypatch):
+    face = facecode.load(TINY, threads=1)
+    graph, asked = face.engine.parts[0].decoder_step, []
+    run = graph.run
+    monkeypatch.setattr(graph, "run", lambda *a, **k: (asked.append(1), run(*a, **k))[1])
+    window = face.window("window", None)
+    next(iter(face.blocks(SPEECH, mode="window")))
+    assert len(asked) == 64 + max(window.delay, window.frames) + 1
+
+
+def test_what_cannot_be_held_is_refused_before_the_first_block():
+    with pytest.raises(CodesError, match="3 frames to hold"):
+        facecode.load(TINY).blocks(SPEECH, hold={"face": np.zeros((3, 4), np.int64)})
 
 
 @pytest.mark.parametrize("mode", ["exact", "window"])

@@ -97,7 +97,7 @@ class Engine:
             if len(memories) != 1:
                 raise ModeError(f"got codes to hold and {len(memories)} recordings; expected one")
             codes = check_codes(request.hold[part.name], part, memories[0].n_frames)
-            return HeldPart(codes[None])
+            return HeldPart(part, codes[None])
         heads = request.heads[part.name]
         weights = np.broadcast_to(request.weights, (len(memories), part.n_styles))
         n_rows = len(memories) * len(heads)
@@ -122,13 +122,12 @@ class Engine:
         return [faces.take(clip) for clip in range(len(memories))]
 
     def blocks(self, memory: Memory, request: Request) -> Iterator[tuple[Codes, AnyArray]]:
-        """What `move` gives of one clip, a few seconds at a time in `window` mode; see `frames`.
+        """What `move` gives of one clip, to the bit, HEAD_CHUNK frames at a time; see `frames`.
 
-        In `exact` mode, or with codes to hold, it comes as one block: no frame is final before.
+        In `window` mode as frames become final; in `exact` mode they do so with the last frame.
         """
         frames = with_bar(self.frames([memory], request), memory.n_frames, request.progress)
-        as_final = request.window is not None and not request.hold
-        return blocks(self._faces(request, 1), frames, as_final)
+        return blocks(self._faces(request, 1), frames)
 
     def _faces(self, request: Request, n_clips: int) -> Faces:
         return Faces(self.parts, self.n_vertices if request.vertices else None, n_clips)
@@ -178,9 +177,22 @@ class Faces:
                     waiting.setdefault(row, []).append(frames)
 
     @property
+    def n_waiting(self) -> int:
+        """Frames of the first clip that have not been taken, final or not."""
+        return len(self._codes[0][0])
+
+    @property
     def n_final(self) -> int:
         """Frames of the first clip that can be taken before it ends."""
-        return sum(len(frames) for frames in self._hidden[0].get(0, ()))
+        every = (sum(map(len, waiting.get(0, ()))) for waiting in self._hidden)
+        return min(self.n_waiting, *every)
+
+    def finish(self) -> None:
+        """Make what is left of the first clip final: `exact` decodes it now."""
+        for waiting, part, codes in zip(self._hidden, self._parts, self._codes[0], strict=True):
+            if codes and 0 not in waiting:
+                rows = part.hidden_of(np.stack(codes, axis=1))
+                waiting.update((row, [hidden]) for row, hidden in enumerate(rows))
 
     def take(self, clip: int = 0, n: int | None = None) -> tuple[Codes, AnyArray]:
         """The next `n` frames of a clip, or all of it: codes (K, n, H), offsets (K, n, V, 3).
@@ -188,36 +200,34 @@ class Faces:
         Without vertices the second is the products (K, n, U) with the deltas of the rig.
         """
         codes = [np.stack(c[:n], axis=1) for c in self._codes[clip]]
-        hidden = [self._take_hidden(p, clip, len(c)) for p, c in enumerate(codes)]
+        hidden = [self._take_hidden(p, clip, each) for p, each in enumerate(codes)]
         self._codes[clip] = [c[codes[0].shape[1] :] for c in self._codes[clip]]
         return _compose(self._parts, self._n_vertices, codes, hidden)
 
-    def _take_hidden(self, part: int, clip: int, n_rows: int) -> Float32 | None:
-        waiting, rows = self._hidden[part], range(clip * n_rows, (clip + 1) * n_rows)
+    def _take_hidden(self, part: int, clip: int, codes: Codes) -> Float32 | None:
+        waiting, (n_rows, n, _) = self._hidden[part], codes.shape
+        rows = range(clip * n_rows, (clip + 1) * n_rows)
         if rows.start not in waiting:
             return None
-        return np.stack([np.concatenate(waiting.pop(row)) for row in rows])
+        found = np.stack([np.concatenate(waiting.pop(row)) for row in rows])
+        if n < found.shape[1]:
+            waiting.update((row, [rest]) for row, rest in zip(rows, found[:, n:], strict=True))
+        return found[:, :n]
 
 
-def blocks(
-    faces: Faces, frames: Iterable[Frame], as_final: bool = True
-) -> Iterator[tuple[Codes, AnyArray]]:
+def blocks(faces: Faces, frames: Iterable[Frame]) -> Iterator[tuple[Codes, AnyArray]]:
     """Codes (K, n, H) and offsets (K, n, V, 3), or products, of one clip as frames become final.
 
-    Nothing that was given is kept, so that a clip may have any length.
-
-    Args:
-        faces: without a frame so far.
-        frames: of the loop.
-        as_final: whether frames become final before the clip ends; else it comes as one block.
+    Blocks have HEAD_CHUNK frames but for the last, so that every frame comes out as in the whole
+    clip. Nothing that was given is kept, so that a clip may have any length.
     """
     for frame in frames:
         faces.add(frame)
-        is_last = not frame.codes
-        if as_final and faces.n_final and (is_last or faces.n_final >= HEAD_CHUNK):
-            yield faces.take(n=faces.n_final)
-    if not as_final:
-        yield faces.take()
+        if frame.codes and faces.n_final >= HEAD_CHUNK:
+            yield faces.take(n=HEAD_CHUNK)
+    faces.finish()
+    while faces.n_waiting:
+        yield faces.take(n=HEAD_CHUNK)
 
 
 def _compose(

@@ -170,10 +170,10 @@ class GeneratedPart:
 
 
 class HeldPart:
-    """A part whose codes are given: (n_clips, T, H), one row a clip."""
+    """A part whose codes are given: (n_clips, T, H), one row a clip. All frames are final."""
 
-    def __init__(self, codes: Codes) -> None:
-        self._codes = codes
+    def __init__(self, part: Part, codes: Codes) -> None:
+        self._part, self._codes, self._given = part, codes, False
 
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:  # noqa: ARG002
         """See `PartLoop`."""
@@ -183,8 +183,11 @@ class HeldPart:
         """See `PartLoop`."""
 
     def take_final(self) -> list[Final]:
-        """See `PartLoop`: the clip is decoded as a whole."""
-        return []
+        """See `PartLoop`: the clip is decoded as a whole, at the first frame."""
+        if self._given:
+            return []
+        self._given = True
+        return [(slice(0, len(self._codes)), self._part.hidden_of(self._codes))]
 
 
 def run_loop(
