@@ -60,7 +60,7 @@ def load_audio(source: AudioSource, rate: int, array_rate: int | None = None) ->
         source_rate, blocks = array_rate or rate, iter([_as_float(source)])
     else:
         source_rate, blocks = _read(source, BLOCK)
-    mono = _joined(list(_resampled(_mixed(blocks), source_rate, rate)))
+    mono = _joined(_resampled(_mixed(blocks), source_rate, rate))
     if not len(mono):
         raise EmptyAudioError("the audio has no samples; give at least one frame of sound")
     return mono
@@ -95,7 +95,7 @@ def _mixed(blocks: Iterator[AnyArray]) -> Iterator[Audio]:
         warnings.warn(
             "the channels are of opposite phase and cancel each other; give one of them",
             AudioWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
 
 
@@ -112,15 +112,12 @@ def _resampled(blocks: Iterator[Audio], source_rate: int, rate: int) -> Iterator
     yield stream.resample_chunk(np.zeros(0, np.float32), last=True)
 
 
-def _joined(blocks: list[Audio]) -> Audio:
-    """One array; each block is let go when it has been copied."""
-    joined = np.empty(sum(map(len, blocks)), np.float32)
-    start = 0
-    while blocks:
-        block = blocks.pop(0)
-        joined[start : start + len(block)] = block
-        start += len(block)
-    return joined
+def _joined(blocks: Iterator[Audio]) -> Audio:
+    """One array, which grows in place: beside it no more than a block is held."""
+    joined = bytearray()
+    for block in blocks:
+        joined += block.tobytes()
+    return np.frombuffer(joined, np.float32)
 
 
 def _read(source: str | os.PathLike[str] | BinaryIO, n: int) -> tuple[int, Iterator[AnyArray]]:
