@@ -216,3 +216,9 @@ def test_every_error_is_a_facecode_error_and_a_builtin():
     ]  # fmt: skip
     assert len(leaves) > 15
     assert all(issubclass(e, builtin) for e in leaves)
+
+
+@pytest.mark.parametrize("name", ["demo", "diverse"])
+def test_a_packaged_card_may_be_edited(name):
+    """What tells people about a model is no part of what runs."""
+    assert "MODEL_CARD.md" not in Bundle.open(name).manifest.files

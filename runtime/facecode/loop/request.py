@@ -75,7 +75,10 @@ def request_of(
     held = {name: _held(parts, name, kept) for name, kept in (hold or {}).items()}
     heads = sample_heads(samples, parts, held)
     if not vertices and any(part.rig_projection is None for part in parts):
-        raise NoRigError.to_write("weights")
+        raise NoRigError(
+            "weights without vertices need a bundle with face units: export it with --units "
+            "FILE.npz, or leave vertices=False out"
+        )
     return Request(weights, heads, window, held, vertices, progress)
 
 
