@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from facecode.options import MODES
 from facecode.writers import check_folder, writing
 
 if TYPE_CHECKING:
@@ -16,6 +15,9 @@ if TYPE_CHECKING:
 
 LENGTHS_S = (2.0, 6.0, 12.0, 20.0)
 ROUNDS = 3
+
+
+TIMED = ("exact", "window")
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:  # noqa: ANN401
@@ -34,7 +36,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:  # noqa: ANN401
     parser.add_argument(
         "--seconds", type=_lengths, default=LENGTHS_S, metavar="A,B", help="clips (2,6,12,20)"
     )
-    parser.add_argument("--modes", type=_modes, default=MODES, metavar="A,B", help=",".join(MODES))
+    parser.add_argument("--modes", type=_modes, default=TIMED, metavar="A,B", help=",".join(TIMED))
     parser.add_argument(
         "--window", type=int, metavar="W", help="of `window` (default: the choice of each bundle)"
     )
@@ -86,6 +88,6 @@ def _lengths(text: str) -> tuple[float, ...]:
 
 def _modes(text: str) -> tuple[str, ...]:
     modes = tuple(text.split(","))
-    if unknown := set(modes) - set(MODES):
-        raise argparse.ArgumentTypeError(f"got {', '.join(unknown)}; expected {', '.join(MODES)}")
+    if unknown := set(modes) - set(TIMED):
+        raise argparse.ArgumentTypeError(f"got {', '.join(unknown)}; expected {', '.join(TIMED)}")
     return modes

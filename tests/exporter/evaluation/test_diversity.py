@@ -134,7 +134,7 @@ def test_speech_of_every_face_is_judged(bundle, tmp_path, speech):
     phones = [Phone("P", 0.2, 0.3), Phone("AA", 0.3, 0.5), Phone("SIL", 0.5, 1.0)]
     recording = Recording("a", tmp_path / "a.wav", speech[0][:16000], phones)
     clips = list(judge_speech(animator, [recording], [TINY.styles[0]], (1, 3), iter, samples=3))
-    assert [clip.style for clip in clips] == ["a-0", "a-1", "a-2"]
+    assert [clip.style for clip in clips] == [f"{TINY.styles[0]}-{k}" for k in range(3)]
     for clip, face in zip(
         clips, animator.animate(recording.path, TINY.styles[0], samples=3), strict=True
     ):
