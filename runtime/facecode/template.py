@@ -57,6 +57,8 @@ def check_fit(template: Template, own: Template, unit: str) -> None:
     """
     centred, mine = (each - each.mean(axis=0, dtype=np.float64) for each in (template, own))
     size, expected = float(np.linalg.norm(centred)), float(np.linalg.norm(mine))
+    if not expected:  # a bundle whose own face is no face
+        return
     ratio = size / expected if np.isfinite(size) else np.inf
     if not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
         raise TemplateError(
