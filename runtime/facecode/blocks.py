@@ -30,11 +30,12 @@ class Blocks:
         return self.n_frames / self.still.fps
 
     def save(self, path: str | os.PathLike[str], *, progress: bool = False) -> None:
-        """Write what is left to `path` as it comes; the suffix picks the format.
+        """Write all to `path` as it comes; the suffix picks the format. Whole or not at all.
 
         Formats that need the whole clip gather it first.
 
         Raises:
             See `Animation.save`.
+            ValueError: some of the clips have been taken before.
         """
         writers.save_blocks(self.still, self.n_frames, self.clips, Path(path), progress)

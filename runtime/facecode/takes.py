@@ -12,6 +12,7 @@ import numpy as np
 from facecode import writers
 from facecode.animation import Animation
 from facecode.arrays import Codes, Faces, Float32, Indices, Offsets
+from facecode.errors import NoVerticesError
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +82,22 @@ class Takes:
         Args:
             vertices: indices (n,) to look at, such as the region `lips` (LPD) or `upper_face`
                 (UPD); all by default.
+
+        Raises:
+            NoVerticesError: clips of weights alone.
         """
         distances = self.distances(vertices)
         k = len(self)
         return float(distances.sum() / (k * (k - 1))) if k > 1 else 0.0
 
     def distances(self, vertices: Indices | None = None) -> Float32:
-        """(K, K) distances between the clips, flattened over frames and vertices."""
+        """(K, K) distances between the clips, flattened over frames and vertices.
+
+        Raises:
+            NoVerticesError: clips of weights alone.
+        """
+        if self.clips[0].known_weights is not None:
+            raise NoVerticesError.to_give("distances")
         shown = slice(None) if vertices is None else vertices
         flat = [clip.offsets[:, shown].ravel() for clip in self.clips]
         table = np.array([[np.linalg.norm(a - b) for b in flat] for a in flat])

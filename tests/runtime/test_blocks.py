@@ -134,3 +134,20 @@ def test_several_outputs_at_once(tmp_path):
     assert main(["animate", str(SPEECH), *options, "--mode", "window", "--quiet"]) == 0
     assert sorted(f.name for f in tmp_path.iterdir()) == ["talk.csv", "talk.glb", "talk.npz"]
     assert main(["animate", str(SPEECH), "-o", outputs[0], "-o", "-", "--quiet"]) == 2
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".pc2", ".csv", ".mp4"])
+def test_blocks_that_were_taken_leave_no_file_of_the_rest(suffix, tmp_path):
+    blocks = facecode.load("demo", threads=1).blocks(SPEECH, mode="window")
+    taken = next(iter(blocks)).n_frames
+    with pytest.raises(ValueError, match=f"got {213 - taken} of 213 frames"):
+        blocks.save(tmp_path / f"talk{suffix}")
+    assert not list(tmp_path.iterdir())
+
+
+def test_weights_alone_have_no_distance_in_metres():
+    takes = facecode.load("diverse", threads=1).animate(
+        SPEECH, samples=2, mode="window", vertices=False
+    )
+    with pytest.raises(NoVerticesError):
+        takes.diversity()

@@ -124,15 +124,29 @@ def save_blocks(
 
     Raises:
         As `save`.
+        ValueError: another number of frames.
     """
     check_output(path)
     found = format_of(path)
     check_face(found, face.faces is not None, face.rig is not None)
+    checked = _counted((_fitting(block, found) for block in blocks), n_frames)
     with writing(path) as file:
         if found.write_blocks is None:
-            write(_whole(face, (_fitting(b, found) for b in blocks)), file, found, progress)
+            write(_whole(face, checked), file, found, progress)
         else:
-            found.write_blocks(face, n_frames, (_fitting(b, found) for b in blocks), file)
+            found.write_blocks(face, n_frames, checked, file)
+
+
+def _counted(blocks: Iterable[Clip], n_frames: int) -> Iterator[Clip]:
+    """The blocks; ValueError at their end if they have another number of frames."""
+    n = 0
+    for block in blocks:
+        n += block.n_frames
+        yield block
+    if n != n_frames:
+        raise ValueError(
+            f"got {n} of {n_frames} frames to write; blocks can be taken once: ask for them anew"
+        )
 
 
 def _whole(face: Clip, blocks: Iterable[Clip]) -> Clip:
