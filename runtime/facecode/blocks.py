@@ -36,6 +36,6 @@ class Blocks:
 
         Raises:
             See `Animation.save`.
-            ValueError: some of the clips have been taken before.
+            TakenBlocksError: some of the clips have been taken before.
         """
         writers.save_blocks(self.still, self.n_frames, self.clips, Path(path), progress)

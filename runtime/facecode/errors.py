@@ -18,6 +18,7 @@ FacecodeError
     AlteredFileError (ValueError)      size or SHA-256 differs from the manifest
     ExternalDataError (ValueError)     a graph that reads files the manifest does not list
     GraphError (RuntimeError)          onnxruntime cannot load or run a graph
+  ThreadsError (ValueError)            a number of threads that no graph gets
   ProviderError (RuntimeError)         an execution provider that is not there or does not start
   ModeError (ValueError)      unknown mode, or invalid window size
   SampleError (ValueError)    samples that the bundle does not give
@@ -31,6 +32,7 @@ FacecodeError
     NoFacesError (ValueError)          a surface of a face whose triangles are not known
     NoRigError (ValueError)            weights of a face whose units are not known
     NoVerticesError (ValueError)       vertices of a clip of weights alone
+    TakenBlocksError (ValueError)      blocks of which some were taken before
     EmptyClipError (ValueError)        motion of a clip without a frame
     UnitNamesError (ValueError)        units that the format does not know
   OntoError (ValueError)      an avatar that cannot be read, or has no unit of ours
@@ -126,6 +128,10 @@ class GraphError(BundleError, RuntimeError):
     """onnxruntime cannot load or run a graph."""
 
 
+class ThreadsError(FacecodeError, ValueError):
+    """No thread, or more than a graph can use."""
+
+
 class ProviderError(FacecodeError, RuntimeError):
     """onnxruntime lacks an execution provider, or the provider does not start."""
 
@@ -200,6 +206,10 @@ class NoVerticesError(OutputError, ValueError):
         return cls(
             f"{what} need vertices, and this clip was animated with vertices=False: leave that out"
         )
+
+
+class TakenBlocksError(OutputError, ValueError):
+    """Blocks can be taken once, and some were taken before they were written."""
 
 
 class EmptyClipError(OutputError, ValueError):

@@ -25,7 +25,8 @@ def load(
     Raises:
         BundleError: see `facecode.errors`.
         ProviderError: onnxruntime lacks the provider.
-        ValueError: fewer than one thread, or `threads` beside `compute`.
+        ThreadsError: no thread, or more than 256.
+        ValueError: `threads` beside `compute`.
     """
     if threads is not None and compute is not None:
         raise ValueError("got threads beside compute; give Compute(threads=...) alone")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from facecode.arrays import AnyArray
-from facecode.errors import GraphError, ProviderError
+from facecode.errors import GraphError, ProviderError, ThreadsError
 from facecode_spec.entries import GraphEntry
 
 if TYPE_CHECKING:
@@ -37,7 +37,9 @@ class Compute:
     def __post_init__(self) -> None:
         threads = usable_cores() if self.threads is None else self.threads
         if not 1 <= threads <= MOST_THREADS:
-            raise ValueError(f"got {threads} threads; expected 1 to {MOST_THREADS}")
+            raise ThreadsError(
+                f"got {threads} threads; expected 1 to {MOST_THREADS}, best no more than the cores"
+            )
         object.__setattr__(self, "threads", threads)
         object.__setattr__(self, "provider", _provider_name(self.provider))
 

@@ -110,6 +110,7 @@ def test_plot_without_matplotlib_names_the_extra(tiny, tmp_path, monkeypatch):
         (["-o", "talk.npz", "--mode", "exact", "--window", "4"], "a window goes with"),
         (["-o", "talk.npz", "--template", "none.ply"], "no template file"),
         (["-o", "talk.npz", "--bundle", "none"], "no bundle at none"),
+        (["-o", "talk.npz", "--threads", "5000"], "got 5000 threads; expected 1 to 256"),
     ],
 )
 def test_mistakes_are_one_line_and_exit_2(run_cli, tmp_path, args, message):

@@ -23,6 +23,7 @@ from facecode.errors import (
     OutputFolderError,
     OutputSuffixError,
     OutputWriteError,
+    TakenBlocksError,
 )
 from facecode.writers.audio2face_json import JSON
 from facecode.writers.format import Format
@@ -124,7 +125,7 @@ def save_blocks(
 
     Raises:
         As `save`.
-        ValueError: another number of frames.
+        TakenBlocksError: another number of frames.
     """
     check_output(path)
     found = format_of(path)
@@ -138,13 +139,13 @@ def save_blocks(
 
 
 def _counted(blocks: Iterable[Clip], n_frames: int) -> Iterator[Clip]:
-    """The blocks; ValueError at their end if they have another number of frames."""
+    """The blocks; TakenBlocksError at their end if they have another number of frames."""
     n = 0
     for block in blocks:
         n += block.n_frames
         yield block
     if n != n_frames:
-        raise ValueError(
+        raise TakenBlocksError(
             f"got {n} of {n_frames} frames to write; blocks can be taken once: ask for them anew"
         )
 
