@@ -6,7 +6,7 @@ from conftest import SPEECH, TINY
 
 import facecode
 from facecode.cli.main import main
-from facecode.errors import CodesError, NoRigError, NoVerticesError
+from facecode.errors import CodesError, NoRigError, NoVerticesError, TakenBlocksError
 
 
 @pytest.fixture(scope="module", params=["demo", "diverse"])
@@ -140,7 +140,7 @@ def test_several_outputs_at_once(tmp_path):
 def test_blocks_that_were_taken_leave_no_file_of_the_rest(suffix, tmp_path):
     blocks = facecode.load("demo", threads=1).blocks(SPEECH, mode="window")
     taken = next(iter(blocks)).n_frames
-    with pytest.raises(ValueError, match=f"got {213 - taken} of 213 frames"):
+    with pytest.raises(TakenBlocksError, match=f"got {213 - taken} of 213 frames"):
         blocks.save(tmp_path / f"talk{suffix}")
     assert not list(tmp_path.iterdir())
 
