@@ -13,7 +13,6 @@ from collections.abc import Iterable, Sequence
 from typing import BinaryIO
 
 import numpy as np
-import soundfile
 
 from facecode.clip import Clip
 from facecode.errors import OutputWriteError
@@ -74,6 +73,8 @@ def write_blocks_usdz(face: Clip, n_frames: int, blocks: Iterable[Clip], file: B
 def _wav(clip: Clip) -> bytes | None:
     if clip.audio is None or clip.sample_rate is None:
         return None
+    import soundfile
+
     file = io.BytesIO()
     speech = np.clip(clip.audio, -1, 1)
     soundfile.write(file, speech, clip.sample_rate, format="WAV", subtype="PCM_16")
