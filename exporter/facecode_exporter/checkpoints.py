@@ -14,14 +14,18 @@ import torch
 from torch import Tensor, nn
 
 from facecode_exporter.errors import CheckpointError, SwappedCheckpointsError
-from facecode_exporter.nets.cdface import Trained, network_of
+from facecode_exporter.nets.cdface import Trained
+from facecode_exporter.nets.faceformer import FaceFormer
+from facecode_exporter.nets.networks import network_of
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.nets.sinusoid import sinusoid
+from facecode_exporter.nets.speech_decoder import SpeechDecoder
 from facecode_exporter.nets.vq_autoencoder import TemporalTrunk, VQAutoencoder
 from facecode_exporter.state_files import State, fill, listed, read_state
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
 
+POSITIONS = "PPE.pe"
 NOT_STAGE2 = ("autoencoder.", "audio_encoder.")
 AUDIO = "audio_encoder."
 CONV = f"{AUDIO}encoder.pos_conv_embed.conv"
@@ -40,19 +44,21 @@ def load_system(system: SystemSpec, stage1: Sequence[Path], stage2: Sequence[Pat
         CheckpointError: another number of files than parts, not a checkpoint, keys and shapes that
             do not fit `system`, or parts with speech encoders of their own.
     """
+    net = network_of(system)
+    if isinstance(net, FaceFormer):
+        raise CheckpointError(f"{system.name} is one file, not two stages; give --checkpoint FILE")
     if not len(stage1) == len(stage2) == len(system.parts):
         names = ", ".join(part.name for part in system.parts)
         raise CheckpointError(
             f"got {len(stage1)} files of stage 1 and {len(stage2)} of stage 2; {system.name} needs "
             f"one of each for: {names}"
         )
-    net = network_of(system)
     problems: list[str] = []
     encoder: State = {}
     for part, first_file, second_file in zip(net.part_nets, stage1, stage2, strict=True):
         first, second = read_state(first_file), read_state(second_file)
         _refuse_swapped(first, second, first_file, second_file)
-        _fold_weight_norm(second)
+        fold_weight_norm(second)
         own_encoder = {k: second.pop(k) for k in list(second) if k.startswith(AUDIO)}
         _require_same(encoder, own_encoder, second_file)
         encoder = encoder or own_encoder
@@ -61,7 +67,7 @@ def load_system(system: SystemSpec, stage1: Sequence[Path], stage2: Sequence[Pat
     if problems:
         raise CheckpointError(
             f"the checkpoints do not fit {system.name}, {listed(problems)}"
-            + _other_system_hint(system, first)
+            + other_system_hint(system, first.get("decoder.vertice_map_reverse.weight"))
         )
     return net.eval()
 
@@ -84,7 +90,7 @@ def load_encoder(encoder: nn.Module, stage2: Path) -> None:
         CheckpointNotFoundError, CheckpointError.
     """
     state = read_state(stage2)
-    _fold_weight_norm(state)
+    fold_weight_norm(state)
     weights = {k: v for k, v in state.items() if k.startswith(AUDIO)}
     if problems := fill(encoder, weights, f"stage 2, {stage2}", prefix=AUDIO):
         raise CheckpointError(listed(problems))
@@ -101,12 +107,8 @@ def save_stage2(part: PartNet, audio_encoder: nn.Module, stage2: Path) -> None:
     """Write everything but the autoencoder in the layout of the released stage-2 files."""
     second = {k: v.clone() for k, v in part.state_dict().items() if not k.startswith(NOT_STAGE2)}
     second |= {f"{AUDIO}{k}": v.clone() for k, v in audio_encoder.state_dict().items()}
-    if f"{CONV}.weight" in second:
-        weight = second.pop(f"{CONV}.weight")
-        second[f"{CONV}.weight_g"] = _norm_over_channels(weight)
-        second[f"{CONV}.weight_v"] = weight
-    period = part.part.cross_modal_decoder.period
-    second["PPE.pe"] = part.position_code.repeat(600 // period + 1, 1)[None]
+    unfold_weight_norm(second)
+    second[POSITIONS] = position_table(part)
     torch.save({"state_dict": second}, stage2)
 
 
@@ -155,12 +157,21 @@ def _refuse_swapped(first: State, second: State, stage1: Path, stage2: Path) -> 
         )
 
 
+def unfold_weight_norm(state: State) -> None:
+    """Undo `fold_weight_norm`, under the names of the released files."""
+    if f"{CONV}.weight" in state:
+        weight = state.pop(f"{CONV}.weight")
+        state[f"{CONV}.weight_g"] = _norm_over_channels(weight)
+        state[f"{CONV}.weight_v"] = weight
+
+
 def _norm_over_channels(weight: Tensor) -> Tensor:
     """Norm of a (out, in, kernel) weight for each kernel position: (1, 1, kernel)."""
     return torch.sqrt(weight.square().sum(dim=(0, 1), keepdim=True))
 
 
-def _fold_weight_norm(state: State) -> None:
+def fold_weight_norm(state: State) -> None:
+    """Put the weight of the positional convolution in place of its norm and direction."""
     for g_name, v_name in WEIGHT_NORM_NAMES:
         if g_name in state and v_name in state:
             g, v = state.pop(g_name), state.pop(v_name)
@@ -194,7 +205,17 @@ def _take_position_codes(net: PartNet, first: State, second: State) -> None:
     """Use the tables that the files carry, where they carry them."""
     for side, trunk in (("encoder", net.autoencoder.encoder), ("decoder", net.autoencoder.decoder)):
         _take_constant(trunk, first.pop(f"{side}.{side}_pos_embedding.pe", None))
-    table = second.pop("PPE.pe", None)
+    take_position_table(net, second)
+
+
+def position_table(net: SpeechDecoder) -> Tensor:
+    """The position code as released files carry it, repeated over 600 frames and a bit."""
+    return net.position_code.repeat(600 // len(net.position_code) + 1, 1)[None]
+
+
+def take_position_table(net: SpeechDecoder, state: State) -> None:
+    """Use the position code that a file carries, if it carries one."""
+    table = state.pop(POSITIONS, None)
     if table is not None and table.shape[-1] == net.position_code.shape[1]:
         rows = table.reshape(-1, table.shape[-1])
         net.position_code.copy_(rows[: len(net.position_code)])
@@ -206,10 +227,10 @@ def _take_constant(trunk: TemporalTrunk, table: Tensor | None) -> None:
         trunk.constant.copy_(table.reshape(-1, table.shape[-1])[0])
 
 
-def _other_system_hint(system: SystemSpec, first: State) -> str:
-    head = first.get("decoder.vertice_map_reverse.weight")
+def other_system_hint(system: SystemSpec, output_weight: Tensor | None) -> str:
+    """Which system of the family has the vertices of a file's output layer (3V, E)."""
     for name, other in SYSTEMS.items():
-        fits = head is not None and head.shape[0] == 3 * other.n_vertices
-        if fits and other.n_vertices != system.n_vertices:
+        fits = output_weight is not None and output_weight.shape[0] == 3 * other.n_vertices
+        if fits and other.family == system.family and other.n_vertices != system.n_vertices:
             return f"\n  The number of vertices fits --system {name}"
     return ""

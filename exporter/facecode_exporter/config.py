@@ -1,4 +1,7 @@
-"""The public CodeTalker YAML and a speech encoder's Hugging Face config.json, to a SystemSpec."""
+"""The public configurations of CodeTalker and FaceFormer, and a speech encoder's config.json.
+
+They become a SystemSpec.
+"""
 
 from __future__ import annotations
 
@@ -19,45 +22,77 @@ from facecode_spec.schema import (
     PartSpec,
     SystemSpec,
 )
-from facecode_spec.systems import codetalker_biwi, codetalker_vocaset
+from facecode_spec.systems import (
+    codetalker_biwi,
+    codetalker_vocaset,
+    faceformer_biwi,
+    faceformer_vocaset,
+)
 
 # The public code has two frame grids, named by DATA.dataset, and two VQ autoencoders, named by
 # NETWORK.autoencoder; as published they go together.
 FORMS = {"vocaset": codetalker_vocaset.SPEC, "BIWI": codetalker_biwi.SPEC}
+ONE_FILE_FORMS = {"vocaset": faceformer_vocaset.SPEC, "BIWI": faceformer_biwi.SPEC}
 AUTOENCODERS = {f"stage1_{dataset}": system.parts[0] for dataset, system in FORMS.items()}
 # Fields of a Hugging Face file that say where it came from, not what the network is.
 PROVENANCE = {"_name_or_path", "architectures", "dtype", "torch_dtype", "transformers_version"}
 
 
 def system_from_config(config: Path, wav2vec2_config: Path | None = None) -> SystemSpec:
-    """The system that a public `config/{vocaset,BIWI}/*.yaml` describes.
+    """The system that a public `config/{vocaset,BIWI}/*.yaml` of CodeTalker describes.
+
+    A file without sections holds options of FaceFormer's command line: dataset, vertice_dim,
+    feature_dim, period, train_subjects.
 
     Raises:
         ConfigError: unreadable, a field missing, or a form that is not supported.
     """
-    fields = _flat_fields(config)
-    form = FORMS.get(str(_need(fields, "dataset", config)))
+    fields, has_sections = _flat_fields(config)
+    forms = FORMS if has_sections else ONE_FILE_FORMS
+    form = forms.get(str(_need(fields, "dataset", config)))
     if form is None:
         raise ConfigError(
             f"{config}: dataset is {fields['dataset']!r}; expected one of {', '.join(FORMS)}"
         )
+    try:
+        system = (_codetalker if has_sections else _faceformer)(fields, form, config)
+    except SpecError as error:
+        raise ConfigError(f"{config}: {error}") from error
+    return system if wav2vec2_config is None else with_encoder_config(system, wav2vec2_config)
+
+
+def _codetalker(fields: Mapping[str, Any], form: SystemSpec, config: Path) -> SystemSpec:
     if _whole(fields, "quant_factor", config) != 0:
         raise ConfigError(
             f"{config}: quant_factor is {fields['quant_factor']}; only 0 is supported, since other "
             "values stride over time, which neither published model does. Export a stage 1 trained "
             "with quant_factor 0"
         )
-    try:
-        part = _part(fields, _autoencoder_form(fields, form, config), config)
-        system = dataclasses.replace(
-            form,
-            n_vertices=_vertices(fields, config),
-            styles=_subjects(fields, config),
-            parts=(part,),
-        )
-    except SpecError as error:
-        raise ConfigError(f"{config}: {error}") from error
-    return system if wav2vec2_config is None else with_encoder_config(system, wav2vec2_config)
+    return dataclasses.replace(
+        form,
+        n_vertices=_vertices(fields, config),
+        styles=_subjects(fields, config),
+        parts=(_part(fields, _autoencoder_form(fields, form, config), config),),
+    )
+
+
+def _faceformer(fields: Mapping[str, Any], form: SystemSpec, config: Path) -> SystemSpec:
+    width = _whole(fields, "vertice_dim", config)
+    if not width or width % 3:
+        raise ConfigError(f"{config}: vertice_dim is {width}; expected a multiple of 3")
+    dim, (part,) = _whole(fields, "feature_dim", config), form.parts
+    decoder = dataclasses.replace(
+        part.cross_modal_decoder,  # one layer and four heads, whatever the options say
+        dim=dim,
+        dim_feedforward=2 * dim,
+        period=_whole(fields, "period", config),
+    )
+    return dataclasses.replace(
+        form,
+        n_vertices=width // 3,
+        styles=_subjects(fields, config),
+        parts=(dataclasses.replace(part, cross_modal_decoder=decoder),),
+    )
 
 
 def with_encoder_config(system: SystemSpec, config: Path) -> SystemSpec:
@@ -153,14 +188,21 @@ def _vertices(fields: Mapping[str, Any], config: Path) -> int:
     return width // 3
 
 
-def _flat_fields(config: Path) -> dict[str, Any]:
+def _flat_fields(config: Path) -> tuple[dict[str, Any], bool]:
+    """All fields, and whether they stand in sections, as CodeTalker's do."""
     try:
         sections = yaml.safe_load(_read(config))
     except yaml.YAMLError as error:
         raise ConfigError(f"{config}: not YAML: {error}") from error
-    if not isinstance(sections, dict) or not all(isinstance(s, dict) for s in sections.values()):
-        raise ConfigError(f"{config}: expected the sections DATA, NETWORK, VQuantizer, PREDICTOR")
-    return {key: value for section in sections.values() for key, value in section.items()}
+    parts = list(sections.values()) if isinstance(sections, dict) else []
+    if parts and not any(isinstance(part, dict) for part in parts):
+        return sections, False
+    if not parts or not all(isinstance(part, dict) for part in parts):
+        raise ConfigError(
+            f"{config}: expected the sections DATA, NETWORK, VQuantizer, PREDICTOR of CodeTalker, "
+            "or the options of FaceFormer without any"
+        )
+    return {key: value for part in parts for key, value in part.items()}, True
 
 
 def _read(path: Path) -> str:

@@ -86,6 +86,10 @@ class PartEntry:
             raise SpecError(
                 f"part {self.name!r} of kind 'codes' needs codebook, motion_decoder and reach"
             )
+        if self.kind == "offsets" and needed != (None, None, None):
+            raise SpecError(
+                f"part {self.name!r} of kind 'offsets' has a codebook, a motion_decoder or a reach"
+            )
 
     @property
     def codes_per_frame(self) -> int:

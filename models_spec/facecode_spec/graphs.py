@@ -107,12 +107,15 @@ def speech_encoder(system: SystemSpec) -> GraphSpec:
 
 
 def decoder_step(system: SystemSpec, part: PartSpec) -> GraphSpec:
-    """One frame of the cross-modal decoder: state in, features and the new K/V rows out.
+    """One frame of the cross-modal decoder: state in, its prediction and the new K/V rows out.
+
+    A part of kind `codes` predicts features. One of kind `offsets` predicts the hidden frame that
+    its vertex head reads, and as `feedback` the `motion` of the next step.
 
     The past is a ring of slots: frame t stands in slot t mod n_slots, those from `step` on are
     empty and left out. A past without empty slots is one of n_slots = step.
     """
-    decoder, (codebook, _) = part.cross_modal_decoder, part.prior
+    decoder = part.cross_modal_decoder
     past = ("batch", decoder.n_heads, "n_slots", decoder.dim // decoder.n_heads)
     new_rows = (decoder.n_layers, "batch", decoder.dim)
     return GraphSpec(
@@ -128,12 +131,21 @@ def decoder_step(system: SystemSpec, part: PartSpec) -> GraphSpec:
             *(TensorSpec(past_values(i), "float32", past) for i in range(decoder.n_layers)),
         ),
         (
-            TensorSpec("features", "float32", ("batch", codebook.codes_per_frame, codebook.dim)),
+            *_predicted(part),
             TensorSpec("keys", "float32", new_rows),
             TensorSpec("values", "float32", new_rows),
         ),
         Tolerance(2e-4, "twelve layers of float32 sums in another order; 1e-5 seen"),
     )
+
+
+def _predicted(part: PartSpec) -> list[TensorSpec]:
+    """What the decoder step says of a frame."""
+    if part.codebook is None:
+        axes = ("batch", part.cross_modal_decoder.dim)
+        return [TensorSpec(name, "float32", axes) for name in ("hidden", "feedback")]
+    codes = ("batch", part.codebook.codes_per_frame, part.codebook.dim)
+    return [TensorSpec("features", "float32", codes)]
 
 
 def _sample(part: PartSpec) -> list[TensorSpec]:
@@ -188,15 +200,15 @@ def motion_decoder(part: PartSpec) -> GraphSpec:
 
 def vertex_head(system: SystemSpec, part: PartSpec) -> GraphSpec:
     """Hidden frames to vertex offsets, for the frames that are shown."""
-    _, decoder = part.prior
     return GraphSpec(
         VERTEX_HEAD,
-        (TensorSpec("hidden", "float32", ("batch", "n_shown", decoder.dim)),),
+        (TensorSpec("hidden", "float32", ("batch", "n_shown", part.hidden_dim)),),
         (TensorSpec("offsets", "float32", ("batch", "n_shown", system.vertices_of(part), 3)),),
         Tolerance(1e-4, "one product over the hidden width in another order; 1e-6 seen"),
     )
 
 
 def part_graphs(system: SystemSpec, part: PartSpec) -> tuple[GraphSpec, ...]:
-    """The graphs that belong to one part of the face."""
-    return (decoder_step(system, part), motion_decoder(part), vertex_head(system, part))
+    """The graphs that belong to one part of the face, in the order in which they run."""
+    step, head = decoder_step(system, part), vertex_head(system, part)
+    return (step, head) if part.kind == "offsets" else (step, motion_decoder(part), head)

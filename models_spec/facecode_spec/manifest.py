@@ -38,8 +38,9 @@ class ParityCase:
     n_codes: int
     n_codes_equal: int
     max_vertex_error: float
-    min_code_margin: float
-    """Smallest relative distance gap between the nearest and the second-nearest code."""
+    min_code_margin: float | None
+    """Smallest relative distance gap between the nearest and the second-nearest code; null: a
+    system without codes."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,8 @@ class Deviation:
     """How far one way of computing is from another, over all frames of the calibration audio."""
 
     n_frames: int
-    code_agreement: float
-    """Share of codes that are equal, 0 to 1."""
+    code_agreement: float | None
+    """Share of codes that are equal, 0 to 1; null: a system without codes."""
     lip_deviation: float
     """Lip vertex error between the two, as a share of that between the face and its rest."""
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from facecode_spec.plain import SpecError
 
 FrameGrid = Literal["interpolate", "pairs"]
-Family = Literal["codetalker", "cdface"]
+Family = Literal["codetalker", "cdface", "faceformer"]
 PartKind = Literal["codes", "offsets"]
 UpAxis = Literal["x", "y", "z"]
 
@@ -107,6 +107,11 @@ class PartSpec:
         _check_heads(self.name, self.cross_modal_decoder)
         if self.kind == "codes":
             self._check_prior()
+        elif self.n_samples != 1 or self.conditions_on:
+            raise SpecError(
+                f"part {self.name!r} of kind 'offsets' has {self.n_samples} samples and conditions "
+                f"on {list(self.conditions_on)}; expected one sample, and no condition"
+            )
 
     @property
     def kind(self) -> PartKind:
@@ -123,6 +128,12 @@ class PartSpec:
         if self.codebook is None or self.motion_decoder is None:
             raise SpecError(f"part {self.name!r} has no codebook; expected a part of kind 'codes'")
         return self.codebook, self.motion_decoder
+
+    @property
+    def hidden_dim(self) -> int:
+        """E, the width of what the vertex head reads."""
+        decoder = self.cross_modal_decoder if self.motion_decoder is None else self.motion_decoder
+        return decoder.dim
 
     def _check_prior(self) -> None:
         codebook, decoder = self.prior
@@ -176,9 +187,16 @@ class SystemSpec:
             raise SpecError(f"system {self.name!r} needs styles with different names")
 
     def _check_parts(self) -> None:
-        if self.family == "codetalker" and len(self.parts) != 1:
+        if self.family != "cdface" and len(self.parts) != 1:
             raise SpecError(
-                f"system {self.name!r} has {len(self.parts)} parts; the family codetalker has one"
+                f"system {self.name!r} has {len(self.parts)} parts; the family {self.family} has "
+                "one"
+            )
+        kind = "offsets" if self.family == "faceformer" else "codes"
+        if other := [part.name for part in self.parts if part.kind != kind]:
+            raise SpecError(
+                f"parts {other} of {self.name!r} are not of kind {kind!r}, as those of the family "
+                f"{self.family} are"
             )
         names = [part.name for part in self.parts]
         if len(set(names)) != len(names):

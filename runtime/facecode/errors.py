@@ -23,6 +23,7 @@ FacecodeError
   ModeError (ValueError)      unknown mode, or invalid window size
   SampleError (ValueError)    samples that the bundle does not give
   CodesError (ValueError)     codes outside the codebook, or of another shape
+    NoCodesError              codes of a system that has none
   ClipFileError (ValueError)  an .npz that holds no clip of ours
   ClipNotFoundError (FileNotFoundError)
   OutputError
@@ -146,6 +147,10 @@ class SampleError(FacecodeError, ValueError):
 
 class CodesError(FacecodeError, ValueError):
     """Codes of another shape, or outside the codebook."""
+
+
+class NoCodesError(CodesError):
+    """The system gives motion itself and has no codes."""
 
 
 class ClipFileError(FacecodeError, ValueError):

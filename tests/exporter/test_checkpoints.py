@@ -16,7 +16,7 @@ from facecode_exporter.errors import (
     CheckpointNotFoundError,
     SwappedCheckpointsError,
 )
-from facecode_exporter.nets.part import alibi_slopes
+from facecode_exporter.nets.speech_decoder import alibi_slopes
 from facecode_exporter.random_weights import random_network
 from facecode_spec.systems import SYSTEMS
 

@@ -26,7 +26,7 @@ from facecode.loop.request import Window
 from facecode.options import Mode
 from facecode.session import onnxruntime_version
 from facecode_exporter.bench_reference.public_algorithm import PublicAlgorithm
-from facecode_exporter.nets.cdface import Trained
+from facecode_exporter.nets.networks import Network
 
 N_PREFIXES = 9
 WARM_UP_S = 1.0
@@ -100,7 +100,7 @@ class Contestant:
 
 
 def compare(
-    net: Trained,
+    net: Network,
     contestants: Sequence[Contestant],
     lengths_s: Sequence[float],
     rounds: int,
@@ -132,7 +132,7 @@ def compare(
 
 
 def _one_length(
-    net: Trained, contestants: Sequence[Contestant], speech: Audio, rounds: int, full: bool
+    net: Network, contestants: Sequence[Contestant], speech: Audio, rounds: int, full: bool
 ) -> tuple[ReferenceTime, list[float]]:
     """The reference, and seconds of every contestant, for one clip."""
     public = PublicAlgorithm(net, speech)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import torch
 from torch import Tensor
 
 from facecode.arrays import Audio
 from facecode.level import normalise
-from facecode_exporter.nets.cdface import Trained
-from facecode_exporter.nets.part import PartNet
+from facecode_exporter.nets.networks import Network
+from facecode_exporter.nets.speech_decoder import SpeechDecoder
 
 
 class PublicAlgorithm:
     """Every part of the face one after the other, its whole prefix again at every step."""
 
-    def __init__(self, net: Trained, speech: Audio) -> None:
+    def __init__(self, net: Network, speech: Audio) -> None:
         audio = normalise(speech) if net.system.speech_encoder.normalise else speech
         self._net, self._audio = net, torch.from_numpy(audio)[None]
         self._memories = self.encode()
@@ -38,14 +40,12 @@ class PublicAlgorithm:
     def run(self) -> None:
         """The whole clip from end to end."""
         for part, memory in zip(self._net.part_nets, self.encode(), strict=True):
-            style = part.learnable_style_emb.weight[:1, None]
+            style = part.style_rows[:1, None]
             tokens = style
             for _ in range(self.n_frames):
                 tokens = torch.cat([tokens, _step(part, tokens, memory) + style], dim=1)
 
 
-def _step(part: PartNet, tokens: Tensor, memory: Tensor) -> Tensor:
+def _step(part: SpeechDecoder, tokens: Tensor, memory: Tensor) -> Tensor:
     """Tokens (1, n, D) to the embedding (1, 1, D) of the motion of the last frame."""
-    _, offsets = part.decode(part.features(tokens, memory))
-    embedded: Tensor = part.vertice_map(offsets[:, -1:])
-    return embedded
+    return cast(Tensor, part.vertice_map(part.offsets(tokens, memory)[:, -1:]))

@@ -50,7 +50,7 @@ def deviation(animator: Animator, truth: Motion, motion: Motion) -> Deviation:
     lips = animator.bundle.region("lips") if known else np.arange(animator.manifest.n_vertices)
     motion_size = lip_vertex_error(np.zeros_like(truth.offsets), truth.offsets, lips)
     error = lip_vertex_error(motion.offsets, truth.offsets, lips)
-    agreement = float((motion.codes == truth.codes).mean())
+    agreement = float((motion.codes == truth.codes).mean()) if truth.codes.size else None
     return Deviation(
         len(truth.codes), agreement, float(error / motion_size) if motion_size else 0.0
     )
@@ -60,16 +60,23 @@ def choose_window(animator: Animator, exact: Motion) -> ModeEntry:
     """Mode `window` with the narrowest of WINDOWS that is wide enough, or the widest."""
     for frames in WINDOWS:
         found = deviation(animator, exact, move(animator, frames))
-        if found.code_agreement >= ENOUGH_CODES or found.lip_deviation <= LITTLE_MOTION:
+        if _enough(found, ENOUGH_CODES) or found.lip_deviation <= LITTLE_MOTION:
             break
     return dataclasses.replace(animator.manifest.modes["window"], window=frames, deviation=found)
 
 
+def _enough(found: Deviation, share: float) -> bool:
+    """Whether codes, where there are any, agree at least so often."""
+    return found.code_agreement is not None and found.code_agreement >= share
+
+
 def describe_deviation(found: Deviation) -> str:
     """A deviation in a line."""
+    agreement = found.code_agreement
+    codes = "" if agreement is None else f"{100 * agreement:.2f} % of the codes, "
     return (
-        f"{100 * found.code_agreement:.2f} % of the codes, lips deviate by "
-        f"{100 * found.lip_deviation:.2f} % of their motion ({found.n_frames} frames)"
+        f"{codes}lips deviate by {100 * found.lip_deviation:.2f} % of their motion "
+        f"({found.n_frames} frames)"
     )
 
 
@@ -79,10 +86,10 @@ def require_small(found: Deviation) -> None:
     Raises:
         DeviationError
     """
-    if found.code_agreement < LEAST_CODES or not found.lip_deviation <= MOST_MOTION:
+    has_codes = found.code_agreement is not None
+    if (has_codes and not _enough(found, LEAST_CODES)) or not found.lip_deviation <= MOST_MOTION:
+        least = f"at least {100 * LEAST_CODES:g} % of the codes, and " if has_codes else ""
         raise DeviationError(
-            f"int8 gives {100 * found.code_agreement:.1f} % of the codes of float32 and lips that "
-            f"deviate by {100 * found.lip_deviation:.2f} % of their motion; expected at least "
-            f"{100 * LEAST_CODES:g} % and at most {100 * MOST_MOTION:g} %. Export float32, or "
-            "accept it with --any-deviation"
+            f"int8 against float32: {describe_deviation(found)}; expected {least}lips within "
+            f"{100 * MOST_MOTION:g} %. Export float32, or accept it with --any-deviation"
         )

@@ -7,16 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from torch import nn
 
 from facecode.loop.engine import Engine
 from facecode.session import Graph
 from facecode_exporter.bundles.motion_view import MotionDecoderView
+from facecode_exporter.bundles.offsets_view import OffsetsStepView
 from facecode_exporter.bundles.speech_view import SpeechEncoderView
 from facecode_exporter.bundles.views import DecoderStepView, VertexHeadView
-from facecode_exporter.nets.cdface import Trained
-from facecode_exporter.nets.part import PartNet
+from facecode_exporter.nets.networks import Network
 from facecode_spec.entries import GraphEntry
 from facecode_spec.graphs import (
     DECODER_STEP,
@@ -28,12 +29,15 @@ from facecode_spec.graphs import (
     part_graphs,
     speech_encoder,
 )
-from facecode_spec.schema import PartSpec, SystemSpec
+from facecode_spec.schema import PartKind, PartSpec, SystemSpec
 
-PART_VIEWS: dict[str, Callable[[PartNet], nn.Module]] = {
-    DECODER_STEP: DecoderStepView,
-    MOTION_DECODER: MotionDecoderView,
-    VERTEX_HEAD: VertexHeadView,
+PART_VIEWS: dict[PartKind, dict[str, Callable[[Any], nn.Module]]] = {
+    "codes": {
+        DECODER_STEP: DecoderStepView,
+        MOTION_DECODER: MotionDecoderView,
+        VERTEX_HEAD: VertexHeadView,
+    },
+    "offsets": {DECODER_STEP: OffsetsStepView, VERTEX_HEAD: VertexHeadView},
 }
 
 
@@ -57,12 +61,12 @@ class SystemGraph:
         """What the manifest says of the graph."""
         return GraphEntry.of(self.file, self.spec)
 
-    def view(self, net: Trained) -> nn.Module:
+    def view(self, net: Network) -> nn.Module:
         """The module that computes the graph, with the weights of `net`."""
         if self.part is None:
             return SpeechEncoderView(net)
         (own,) = (part_net for part_net in net.part_nets if part_net.part.name == self.part.name)
-        return PART_VIEWS[self.spec.name](own)
+        return PART_VIEWS[self.part.kind][self.spec.name](own)
 
     def loaded(self, engine: Engine) -> Graph:
         """The graph as the runtime has loaded it."""

@@ -17,7 +17,8 @@ from facecode.session import Compute, Graph
 from facecode_exporter.bundles.graph_set import SystemGraph, graph_set
 from facecode_exporter.bundles.neutral import Neutral
 from facecode_exporter.bundles.rig_projection import rig_projection
-from facecode_exporter.nets.cdface import Trained
+from facecode_exporter.nets.networks import Network
+from facecode_exporter.nets.part import PartNet
 from facecode_spec.entries import FileEntry, PartEntry, ReachEntry
 from facecode_spec.graphs import DECODER_STEP, MOTION_DECODER, OPSET, VERTEX_HEAD, part_file
 from facecode_spec.manifest import (
@@ -45,13 +46,16 @@ MODES = {
     "exact": ModeEntry(look_ahead_ms=None, delay_frames=None),
     "window": ModeEntry(look_ahead_ms=None, delay_frames=DELAY, window=DEFAULT_WINDOW),
 }
+CAUSAL_MODES = {"exact": ModeEntry(look_ahead_ms=None, delay_frames=0)}
+"""Of a system without codes: a frame is final when it is predicted."""
 
 
-def write_arrays(net: Trained, folder: Path, neutral: Neutral) -> None:
+def write_arrays(net: Network, folder: Path, neutral: Neutral) -> None:
     """Write codebooks, vertex indices and the face itself into `folder`."""
     for part in net.part_nets:
-        codebook = part.autoencoder.quantize.embedding.weight.detach().numpy()
-        np.save(folder / _array_file(net.system, part.part, CODEBOOK), codebook)
+        if isinstance(part, PartNet):
+            codebook = part.autoencoder.quantize.embedding.weight.detach().numpy()
+            np.save(folder / _array_file(net.system, part.part, CODEBOOK), codebook)
         if part.part.n_vertices is not None:
             own = neutral.parts[part.part.name].astype(np.int32)
             np.save(folder / _array_file(net.system, part.part, VERTICES), own)
@@ -94,7 +98,7 @@ def _identity_file(name: str) -> str:
 
 
 def manifest_of(
-    net: Trained,
+    net: Network,
     folder: Path,
     neutral: Neutral,
     sources: Mapping[str, Path],
@@ -117,7 +121,7 @@ def manifest_of(
         metres_per_unit=system.metres_per_unit,
         up_axis=system.up_axis,
         styles=system.styles,
-        modes=MODES,
+        modes=MODES if any(part.kind == "codes" for part in system.parts) else CAUSAL_MODES,
         precision="fp32",
         template=TEMPLATE,
         has_template=neutral.given,
@@ -149,15 +153,15 @@ def _part_entry(
     system: SystemSpec, part: PartSpec, graphs: Sequence[SystemGraph], has_rig: bool
 ) -> PartEntry:
     own = {graph.spec.name: graph.entry for graph in graphs if graph.part == part}
-    _, decoder = part.prior
+    reach = None if part.motion_decoder is None else part.motion_decoder.kernel // 2
     return PartEntry(
         name=part.name,
         kind=part.kind,
         decoder_step=own[DECODER_STEP],
         vertex_head=own[VERTEX_HEAD],
-        codebook=_array_file(system, part, CODEBOOK),
-        motion_decoder=own[MOTION_DECODER],
-        reach=ReachEntry(before=decoder.kernel // 2, after=decoder.kernel // 2),
+        codebook=None if part.codebook is None else _array_file(system, part, CODEBOOK),
+        motion_decoder=own.get(MOTION_DECODER),
+        reach=None if reach is None else ReachEntry(before=reach, after=reach),
         n_samples=part.n_samples,
         conditions_on=part.conditions_on,
         vertices=None if part.n_vertices is None else _array_file(system, part, VERTICES),

@@ -1,7 +1,8 @@
 """The runtime against the torch networks: graph by graph, and whole clips through the loop.
 
 Graphs are compared with the views on random input at sizes that the export did not see. Clips
-are compared with the public algorithm (`PartNet.animate`), which shares no fast path with them.
+are compared with the public algorithm (`animate` of a network), which shares no fast path with
+them.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from facecode.level import normalise
 from facecode.loop.engine import Engine
 from facecode.session import Graph
 from facecode_exporter.errors import ParityError
-from facecode_exporter.nets.cdface import Trained, predict_parts
-from facecode_exporter.nets.part import Prediction
+from facecode_exporter.nets.cdface import predict_parts
+from facecode_exporter.nets.faceformer import FaceFormer
+from facecode_exporter.nets.networks import Network
+from facecode_exporter.nets.part import PartNet, Prediction
 from facecode_exporter.nets.vq_autoencoder import Quantizer
 from facecode_spec.graphs import VERTICES, GraphSpec, TensorSpec
 from facecode_spec.manifest import ParityCase, ParityReport
@@ -79,7 +82,7 @@ def compare_graphs(
 
 
 def compare_clip(
-    net: Trained, engine: Engine, case: Case, steps: Steps = lambda s: s
+    net: Network, engine: Engine, case: Case, steps: Steps = lambda s: s
 ) -> ParityCase:
     """Animate one clip in `exact` mode by torch and by the runtime, every sample of it."""
     truth = _predict(net, case, steps)
@@ -92,23 +95,28 @@ def compare_clip(
     for part in engine.parts:
         own = slice(None) if part.vertices is None else part.vertices
         expected[:, :, own] = truth[part.name].offsets.numpy()
-    chosen = [p for p in net.part_nets if p.part.name not in case.hold]
+    margins = [
+        min_code_margin(truth[p.part.name], p.autoencoder.quantize)
+        for p in net.part_nets
+        if isinstance(p, PartNet) and p.part.name not in case.hold
+    ]
     return ParityCase(
         n_frames=codes.shape[1],
         n_codes=codes.size,
         n_codes_equal=int((codes == want).sum()),
         max_vertex_error=_max_difference(expected, offsets),
-        min_code_margin=min(
-            min_code_margin(truth[p.part.name], p.autoencoder.quantize) for p in chosen
-        ),
+        min_code_margin=min(margins, default=None),
     )
 
 
-def _predict(net: Trained, case: Case, steps: Steps) -> dict[str, Prediction]:
+def _predict(net: Network, case: Case, steps: Steps) -> dict[str, Prediction]:
     """By torch, a row for each face: samples of the last part next to each other."""
     spec = net.system.speech_encoder
     waveform = normalise(case.audio) if spec.normalise else case.audio
     names = [part.name for part in net.system.parts]
+    if isinstance(net, FaceFormer):
+        style = torch.from_numpy(case.weights)[None]
+        return {names[0]: net.predict(torch.from_numpy(waveform)[None], style, steps)}
     faces = np.array(list(product(*(range(case.samples.get(n, 1)) for n in names))))
     with torch.no_grad():
         speech = net.audio_encoder(torch.from_numpy(waveform)[None]).expand(len(faces), -1, -1)
@@ -139,9 +147,12 @@ def require_parity(cases: Iterable[ParityCase]) -> None:
 
 def describe_case(case: ParityCase) -> str:
     """One clip's comparison in a line."""
+    vertices = f"vertices within {case.max_vertex_error:.1e}"
+    if case.min_code_margin is None:
+        return f"{case.n_frames} frames: {vertices}"
     return (
-        f"{case.n_frames} frames: {case.n_codes_equal} of {case.n_codes} codes equal, vertices "
-        f"within {case.max_vertex_error:.1e}, smallest code margin {case.min_code_margin:.1e}"
+        f"{case.n_frames} frames: {case.n_codes_equal} of {case.n_codes} codes equal, {vertices}, "
+        f"smallest code margin {case.min_code_margin:.1e}"
     )
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from facecode.audio import SPEECH, load_audio
 from facecode_exporter.bundles.parity import Case
-from facecode_exporter.nets.cdface import Trained
+from facecode_exporter.nets.networks import Network
 from facecode_exporter.nets.speech import samples_for
 
 
-def parity_cases(net: Trained) -> Iterator[Case]:
+def parity_cases(net: Network) -> Iterator[Case]:
     """Real speech, 1, 2 and 3 frames long and past the period, each in another style.
 
     Where parts have several samples, short clips take all of them and the last two of each; with

@@ -5,15 +5,15 @@ from __future__ import annotations
 from torch import Tensor, nn
 
 from facecode_exporter.bundles.views import fuse, key_and_value, rows, stack
-from facecode_exporter.nets.cdface import Trained
-from facecode_exporter.nets.part import PartNet
+from facecode_exporter.nets.networks import Network
 from facecode_exporter.nets.speech import family_of
+from facecode_exporter.nets.speech_decoder import SpeechDecoder
 
 
 class SpeechEncoderView(nn.Module):
     """audio -> what the cross-attention of every part and layer reads, frame by frame."""
 
-    def __init__(self, net: Trained) -> None:
+    def __init__(self, net: Network) -> None:
         super().__init__()
         self.audio_encoder = family_of(net.system).for_export(net.audio_encoder)
         self.memories = nn.ModuleList([CrossMemory(part) for part in net.part_nets])
@@ -27,7 +27,7 @@ class SpeechEncoderView(nn.Module):
 class CrossMemory(nn.Module):
     """Speech features -> what the cross-attention of one part reads."""
 
-    def __init__(self, net: PartNet) -> None:
+    def __init__(self, net: SpeechDecoder) -> None:
         super().__init__()
         self.to_memory = net.audio_feature_map
         self.n_rows = net.system.speech_encoder.memory_rows_per_frame

@@ -12,7 +12,8 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from facecode_exporter.nets.part import PartNet, alibi_slopes
+from facecode_exporter.nets.part import PartNet
+from facecode_exporter.nets.speech_decoder import SpeechDecoder, alibi_slopes
 
 
 def fuse(outer: nn.Linear, inner: nn.Linear) -> nn.Linear:
@@ -110,10 +111,10 @@ class CrossAttentionStep(nn.Module):
         return cast(Tensor, self.to_out((weights * values).sum(dim=2).flatten(2)))
 
 
-class DecoderStepView(nn.Module):
-    """One frame of the cross-modal decoder; the state is passed in and the new rows come out."""
+class StepView(nn.Module):
+    """One frame of the decoder; the state is passed in and the new rows come out."""
 
-    def __init__(self, net: PartNet) -> None:
+    def __init__(self, net: SpeechDecoder) -> None:
         super().__init__()
         spec = net.part.cross_modal_decoder
         self.n_layers, self.n_heads, self.period = spec.n_layers, spec.n_heads, spec.period
@@ -126,20 +127,22 @@ class DecoderStepView(nn.Module):
             self.cross_attention = nn.ModuleList(
                 [CrossAttentionStep(layer.multihead_attn) for layer in self.layers]
             )
-        self.style_rows = net.learnable_style_emb
+        self.register_buffer("style_rows", net.style_rows.detach())
+        self.style_rows: Tensor
         self.register_buffer("position_code", net.position_code)
         self.position_code: Tensor
         self.register_buffer("slopes", torch.tensor(alibi_slopes(spec.n_heads)))
         self.slopes: Tensor
-        self.condition_map = net.condition_map
-        self.feat_map = net.feat_map
-        book, _ = net.part.prior
+        self.condition_map = nn.ModuleDict()
         self.n_samples = net.part.n_samples
-        self.head_shape = (net.part.n_samples, book.codes_per_frame, book.dim)
+
+    def predict(self, x: Tensor, sample: Tensor | None) -> tuple[Tensor, ...]:
+        """What is said of x (B, 1, D), the frame behind the last layer; see the GraphSpec."""
+        raise NotImplementedError
 
     def forward(
         self, motion: Tensor, style: Tensor, step: Tensor, *state: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> tuple[Tensor, ...]:
         """motion (B, D), style (B, S), step (), then the sample of each row if there are several.
 
         Then the code vectors of each condition, cross memory, past keys and past values.
@@ -149,7 +152,7 @@ class DecoderStepView(nn.Module):
         n_conditions = len(self.condition_map)
         conditions, cross = more[:n_conditions], self._cross_layers(more[n_conditions:])
         position = self.position_code.index_select(0, (step % self.period)[None])
-        token = motion + style @ self.style_rows.weight + position
+        token = motion + style @ self.style_rows + position
         for embed, vectors in zip(self.condition_map.values(), conditions, strict=True):
             token = token + embed(vectors.flatten(1))
         x = token[:, None]
@@ -163,15 +166,7 @@ class DecoderStepView(nn.Module):
             x = layer.norm3(x + layer.linear2(torch.relu(layer.linear1(x))))
         new = torch.cat(rows_of_layers).reshape(self.n_layers, -1, rows_of_layers[0].shape[-1])
         _, keys, values = new.chunk(3, dim=-1)
-        return self._features(x, sample), keys, values
-
-    def _features(self, x: Tensor, sample: Tensor | None) -> Tensor:
-        """x (B, 1, D) to (B, H, C) of head `sample[b]`; all heads share one read of the weights."""
-        every: Tensor = self.feat_map(x[:, 0]).unflatten(-1, self.head_shape)
-        if sample is None:
-            return every[:, 0]
-        index = sample[:, None, None, None].expand(-1, 1, *self.head_shape[1:])
-        return every.gather(1, index)[:, 0]
+        return *self.predict(x, sample), keys, values
 
     def _bias(self, step: Tensor, n_slots: int) -> Tensor:
         """-floor(distance / period) * slope, -inf for empty slots: (heads, 1, n_slots)."""
@@ -194,6 +189,25 @@ class DecoderStepView(nn.Module):
         return cast(Tensor, self.cross_attention[i](x, *cross[i]))
 
 
+class DecoderStepView(StepView):
+    """The step of a part of kind `codes`."""
+
+    def __init__(self, net: PartNet) -> None:
+        super().__init__(net)
+        self.condition_map = net.condition_map
+        self.feat_map = net.feat_map
+        book, _ = net.part.prior
+        self.head_shape = (net.part.n_samples, book.codes_per_frame, book.dim)
+
+    def predict(self, x: Tensor, sample: Tensor | None) -> tuple[Tensor, ...]:
+        """Features (B, H, C) of head `sample[b]`; all heads share one read of the weights."""
+        every: Tensor = self.feat_map(x[:, 0]).unflatten(-1, self.head_shape)
+        if sample is None:
+            return (every[:, 0],)
+        index = sample[:, None, None, None].expand(-1, 1, *self.head_shape[1:])
+        return (every.gather(1, index)[:, 0],)
+
+
 class VertexHeadView(nn.Module):
     """The output layer: hidden frames -> offsets.
 
@@ -201,9 +215,9 @@ class VertexHeadView(nn.Module):
     filled with zeros.
     """
 
-    def __init__(self, net: PartNet) -> None:
+    def __init__(self, net: SpeechDecoder) -> None:
         super().__init__()
-        layer = net.autoencoder.decoder.vertice_map_reverse
+        layer = net.output_layer
         bias = torch.zeros(layer.out_features) if layer.bias is None else layer.bias
         moves = (layer.weight != 0).any(dim=1) | (bias != 0)
         moves = moves.unflatten(0, (-1, 3)).any(dim=1)

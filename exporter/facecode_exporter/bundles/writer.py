@@ -26,7 +26,7 @@ from facecode_exporter.bundles.neutral import Neutral
 from facecode_exporter.bundles.onnx_export import export_graph
 from facecode_exporter.bundles.parity_cases import parity_cases
 from facecode_exporter.bundles.quantize import quantise_file
-from facecode_exporter.nets.cdface import Trained
+from facecode_exporter.nets.networks import Network
 from facecode_exporter.nets.speech import family_of
 from facecode_exporter.output_folder import replacing
 from facecode_spec.manifest import MANIFEST_NAME, Manifest, ParityReport
@@ -35,7 +35,7 @@ Precision: TypeAlias = Literal["fp32", "int8"]
 
 
 def write_bundle(
-    net: Trained,
+    net: Network,
     out: Path,
     neutral: Neutral,
     sources: Mapping[str, Path],
@@ -52,7 +52,7 @@ def write_bundle(
     """
     with (
         replacing(out, MANIFEST_NAME) as folder,
-        tqdm(total=3 * len(net.part_nets) + 3, desc="export", disable=not progress) as bar,
+        tqdm(total=len(graph_set(net.system)) + 2, desc="export", disable=not progress) as bar,
     ):
         for graph in graph_set(net.system):
             bar.set_postfix_str(graph.file)
@@ -69,8 +69,9 @@ def write_bundle(
         exact = move(Animator(Bundle.open(folder)))
         if precision == "int8":
             manifest, exact = _quantise(folder, manifest, exact, any_deviation)
-        window = choose_window(Animator(Bundle.open(folder)), exact)
-        manifest = replace(manifest, modes={**manifest.modes, "window": window})
+        if "window" in manifest.modes:
+            window = choose_window(Animator(Bundle.open(folder)), exact)
+            manifest = replace(manifest, modes={**manifest.modes, "window": window})
         _write_manifest(folder, manifest)
         bar.update()
     return manifest
@@ -96,7 +97,7 @@ def _quantise(
     return replace(manifest, quantisation=found), motion
 
 
-def check_bundle(net: Trained, folder: Path) -> ParityReport:
+def check_bundle(net: Network, folder: Path) -> ParityReport:
     """Reopen the bundle with the runtime and compare it with torch.
 
     Raises:
@@ -109,7 +110,7 @@ def check_bundle(net: Trained, folder: Path) -> ParityReport:
     return parity.report(errors, cases)
 
 
-def compare_all_graphs(net: Trained, engine: Engine) -> dict[str, float]:
+def compare_all_graphs(net: Network, engine: Engine) -> dict[str, float]:
     """Largest difference to torch of every output of every graph.
 
     Raises:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from facecode.writers import check_folder, writing
+from facecode_exporter.cli.checkpoint_options import add_files, load_network
 
 if TYPE_CHECKING:
     from facecode_spec.schema import SystemSpec
@@ -27,12 +28,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:  # noqa: ANN401
     )
     parser.set_defaults(run=run)
     parser.add_argument("bundles", nargs="+", type=Path, metavar="DIR", help="of these weights")
-    parser.add_argument(
-        "--stage1", type=Path, nargs="+", required=True, metavar="FILE", help="of the weights"
-    )
-    parser.add_argument(
-        "--stage2", type=Path, nargs="+", required=True, metavar="FILE", help="of the weights"
-    )
+    add_files(parser)
     parser.add_argument(
         "--seconds", type=_lengths, default=LENGTHS_S, metavar="A,B", help="clips (2,6,12,20)"
     )
@@ -53,19 +49,19 @@ def run(args: argparse.Namespace) -> None:
     from facecode.session import Compute
     from facecode_exporter.bench_reference.compare import Contestant, compare
     from facecode_exporter.bench_reference.report import table
-    from facecode_exporter.checkpoints import load_system
 
     if args.json is not None:
         check_folder(args.json)
     bundles = [Bundle.open(path) for path in args.bundles]
     system: SystemSpec = bundles[0].manifest.system
-    net = load_system(system, args.stage1, args.stage2)
+    net, _ = load_network(system, args)
     compute = Compute(args.threads)
     animators = [Animator(bundle, compute) for bundle in bundles]
     contestants = [
         Contestant(a, mode, a.window(mode, args.window if mode == "window" else None))
         for a in animators
         for mode in args.modes
+        if mode in a.manifest.modes
     ]
 
     def progress(text: str) -> None:

@@ -14,6 +14,11 @@ from facecode.cli.console import guarded
 from facecode.cli.options import add_debug, add_quiet
 from facecode.errors import MissingExtraError
 from facecode_exporter.cli.bench_reference import add_parser as add_bench_reference
+from facecode_exporter.cli.checkpoint_options import (
+    add_checkpoints,
+    chosen_system,
+    load_network,
+)
 from facecode_exporter.cli.demo import add_baseline_parser, add_model_parser
 from facecode_exporter.cli.demo import add_parser as add_corpus_parser
 from facecode_exporter.cli.evaluate import add_parser as add_evaluate
@@ -25,7 +30,6 @@ from facecode_spec.systems import SYSTEMS
 if TYPE_CHECKING:
     from facecode.animator import Animator
     from facecode_exporter.bundles.parity import Case
-    from facecode_spec.schema import SystemSpec
 
 PROGRAM = "facecode-export"
 EXTRA_MODULES = {"torch", "onnx", "onnxscript", "transformers", "yaml"}
@@ -39,7 +43,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
 
     export = commands.add_parser("export", help="checkpoint files to a bundle")
     export.set_defaults(run=run_export)
-    _add_checkpoints(export, system_required=True)
+    add_checkpoints(export, system_required=True)
     export.add_argument("--template", type=Path, metavar="MESH", help=".ply, .obj or .npy (V, 3)")
     add_face_options(export)
     add_variant_options(export)
@@ -60,7 +64,7 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     verify = commands.add_parser("verify", help="compare a bundle with torch")
     verify.set_defaults(run=run_verify)
     verify.add_argument("bundle", type=Path, metavar="DIR", help="the bundle")
-    _add_checkpoints(verify, system_required=False)
+    add_checkpoints(verify, system_required=False)
     verify.add_argument("--audio", type=Path, help="a recording to compare on, whole")
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
 
@@ -80,19 +84,12 @@ def run_export(args: argparse.Namespace) -> None:
     from facecode_exporter.bundles.neutral import read_neutral
     from facecode_exporter.bundles.parity import describe_case
     from facecode_exporter.bundles.writer import write_bundle
-    from facecode_exporter.checkpoints import load_system
     from facecode_exporter.cli.face_options import with_face_options
-    from facecode_spec.graphs import part_file
 
-    system, own = divided(_system(args), args)
+    system, own = divided(chosen_system(args), args)
     neutral = replace(read_neutral(args.template, system.n_vertices), parts=own)
     neutral = with_face_options(neutral, args)
-    net = load_system(system, args.stage1, args.stage2)
-    sources = {
-        part_file(system, part, stage): path
-        for stage in ("stage1", "stage2")
-        for part, path in zip(system.parts, getattr(args, stage), strict=True)
-    }
+    net, sources = load_network(system, args)
     manifest = write_bundle(
         net,
         args.out,
@@ -108,9 +105,9 @@ def run_export(args: argparse.Namespace) -> None:
         print(f"  {describe_case(case)}")
     if manifest.quantisation is not None:
         print(f"  int8 against float32: {describe_deviation(manifest.quantisation)}")
-    window = manifest.modes["window"]
-    assert window.deviation is not None
-    print(f"  window {window.window} against exact: {describe_deviation(window.deviation)}")
+    window = manifest.modes.get("window")
+    if window is not None and window.deviation is not None:
+        print(f"  window {window.window} against exact: {describe_deviation(window.deviation)}")
     if not neutral.given:
         print(f"{PROGRAM}: no --template: vertices are offsets from zero", file=sys.stderr)
 
@@ -130,7 +127,6 @@ def run_verify(args: argparse.Namespace) -> None:
     from facecode_exporter.bundles import parity
     from facecode_exporter.bundles.parity_cases import parity_cases
     from facecode_exporter.bundles.writer import compare_all_graphs
-    from facecode_exporter.checkpoints import load_system
     from facecode_exporter.errors import ConfigError
 
     animator = Animator(Bundle.open(args.bundle))
@@ -139,8 +135,8 @@ def run_verify(args: argparse.Namespace) -> None:
             f"{args.bundle} is {animator.manifest.precision}; verify compares float32 bundles. Its "
             "manifest states, as 'quantisation', how far it is from float32"
         )
-    system = animator.manifest.system if not (args.system or args.config) else _system(args)
-    net = load_system(system, args.stage1, args.stage2)
+    system = animator.manifest.system if not (args.system or args.config) else chosen_system(args)
+    net, _ = load_network(system, args)
     if args.audio is None:
         for name, error in compare_all_graphs(net, animator.engine).items():
             print(f"{name}: within {error:.1e}")
@@ -167,41 +163,6 @@ def _with_extra(args: argparse.Namespace) -> None:
         if error.name not in EXTRA_MODULES:
             raise
         raise MissingExtraError.of(args.command, str(error.name), "export") from error
-
-
-def _add_checkpoints(parser: argparse.ArgumentParser, system_required: bool) -> None:
-    for stage in ("stage1", "stage2"):
-        parser.add_argument(
-            f"--{stage}",
-            type=Path,
-            nargs="+",
-            required=True,
-            metavar="FILE",
-            help="one for each part",
-        )
-    which = parser.add_mutually_exclusive_group(required=system_required)
-    which.add_argument("--system", choices=sorted(SYSTEMS), help="a published system")
-    which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
-    parser.add_argument(
-        "--wav2vec2-config",
-        "--speech-encoder-config",
-        type=Path,
-        metavar="JSON",
-        help="the speech encoder's Hugging Face config.json (default: the published one)",
-    )
-
-
-def _system(args: argparse.Namespace) -> SystemSpec:
-    from facecode_exporter.config import system_from_config, with_encoder_config
-
-    if args.config is not None:
-        return system_from_config(args.config, args.wav2vec2_config)
-    system = SYSTEMS[args.system]
-    return (
-        system
-        if args.wav2vec2_config is None
-        else with_encoder_config(system, args.wav2vec2_config)
-    )
 
 
 def _case(args: argparse.Namespace, animator: Animator) -> Case:

@@ -15,7 +15,7 @@ from facecode.animator import Animator
 from facecode.arrays import Codes, Features, Float32, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.loop.engine import Engine
-from facecode.loop.part import Codebook
+from facecode.loop.prior import Codebook
 from facecode.loop.request import style_weights
 from facecode.options import Style
 from facecode_exporter.errors import EvaluationError
@@ -46,6 +46,7 @@ def drawing(animator: Animator, tau: float, seed: int = 0) -> Engine:
 
     Raises:
         EvaluationError: parts that have samples of their own, or a negative tau.
+        NoCodesError: a part without codes.
     """
     engine = animator.engine
     if tau < 0 or any(part.n_samples > 1 for part in engine.parts):
@@ -55,7 +56,7 @@ def drawing(animator: Animator, tau: float, seed: int = 0) -> Engine:
         )
     rng = np.random.default_rng(seed)
     parts = tuple(
-        dataclasses.replace(part, codebook=DrawnCodebook(part.codebook.rows, tau, rng))
+        dataclasses.replace(part, codebook=DrawnCodebook(part.prior[0].rows, tau, rng))
         for part in engine.parts
     )
     return dataclasses.replace(engine, parts=parts)

@@ -82,6 +82,8 @@ def codes_line(clips: Sequence[ScoredClip], animator: Animator) -> str:
     shares = []
     start = 0
     for part in animator.engine.parts:
+        if part.codebook is None:
+            continue
         columns = slice(start, start + part.codes_per_frame)
         used = {
             int(c)
@@ -91,7 +93,7 @@ def codes_line(clips: Sequence[ScoredClip], animator: Animator) -> str:
         }
         shares.append(f"{part.name} {len(used)} of {len(part.codebook.rows)}")
         start = columns.stop
-    return f"codes in use: {', '.join(shares)}"
+    return f"codes in use: {', '.join(shares) or 'none, the system has no codebook'}"
 
 
 def speech_table(clips: Sequence[SpokenClip], unit: str) -> str:

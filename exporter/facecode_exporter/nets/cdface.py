@@ -14,8 +14,9 @@ import torch
 from torch import Tensor, nn
 
 from facecode_exporter.nets.codetalker import CodeTalker
-from facecode_exporter.nets.part import PartNet, Prediction, Progress, no_bar
+from facecode_exporter.nets.part import PartNet, Prediction
 from facecode_exporter.nets.speech import speech_encoder
+from facecode_exporter.nets.speech_decoder import Progress, no_bar
 from facecode_spec.schema import SystemSpec
 
 
@@ -39,16 +40,7 @@ class CDFace(nn.Module):
 
 
 Trained: TypeAlias = CodeTalker | CDFace
-"""A trained system: `system`, `audio_encoder`, `part_nets`."""
-
-
-NETWORKS: dict[str, type[CodeTalker] | type[CDFace]] = {"codetalker": CodeTalker, "cdface": CDFace}
-"""By the family that a spec gives."""
-
-
-def network_of(system: SystemSpec) -> Trained:
-    """The network of `system`, with fresh weights."""
-    return NETWORKS[system.family](system)
+"""A trained system of parts with codes: `system`, `audio_encoder`, `part_nets`."""
 
 
 @torch.no_grad()

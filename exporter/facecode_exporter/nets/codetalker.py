@@ -7,8 +7,9 @@ from typing import cast
 import torch
 from torch import Tensor
 
-from facecode_exporter.nets.part import PartNet, Prediction, Progress, no_bar
+from facecode_exporter.nets.part import PartNet, Prediction
 from facecode_exporter.nets.speech import speech_encoder
+from facecode_exporter.nets.speech_decoder import Progress, no_bar
 from facecode_spec.schema import SystemSpec
 
 

@@ -8,21 +8,19 @@ compared with. Attribute names are those of the public stage-2 files.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
 import torch
 from torch import Tensor, nn
 
-from facecode_exporter.nets.sinusoid import sinusoid
-from facecode_exporter.nets.speech import family_of
+from facecode_exporter.nets.speech_decoder import Progress, SpeechDecoder, no_bar
 from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
 from facecode_spec.schema import PartSpec, SystemSpec
 
 Conditions = Mapping[str, Tensor]
 """Code vectors (B, n, H', C') of earlier parts, by part name."""
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
@@ -37,26 +35,12 @@ class Prediction:
     """(B, T, H, C), what the codes were chosen from"""
 
 
-def no_bar(steps: Iterable[int]) -> Iterable[int]:
-    """The steps as they are."""
-    return steps
-
-
-class PartNet(nn.Module):
+class PartNet(SpeechDecoder):
     """Speech features and past motion to the codes and motion of one part."""
 
     def __init__(self, system: SystemSpec, part: PartSpec) -> None:
-        super().__init__()
-        self.system, self.part = system, part
+        super().__init__(system, part)
         decoder, (book, _) = part.cross_modal_decoder, part.prior
-        self.n_vertices = system.vertices_of(part)
-        width = family_of(system).width_of(system.speech_encoder)
-        self.audio_feature_map = nn.Linear(width, decoder.dim)
-        self.vertice_map = nn.Linear(3 * self.n_vertices, decoder.dim)
-        layer = nn.TransformerDecoderLayer(
-            decoder.dim, decoder.n_heads, decoder.dim_feedforward, dropout=0.0, batch_first=True
-        )
-        self.transformer_decoder = nn.TransformerDecoder(layer, decoder.n_layers)
         # The heads of all samples side by side; one head is CodeTalker's feat_map.
         width = part.n_samples * book.codes_per_frame * book.dim
         self.feat_map = nn.Linear(decoder.dim, width, bias=False)
@@ -64,11 +48,17 @@ class PartNet(nn.Module):
         self.condition_map = nn.ModuleDict(
             {n: nn.Linear(code_width(system.part(n)), decoder.dim) for n in part.conditions_on}
         )
-        self.register_buffer(
-            "position_code", sinusoid(decoder.period, decoder.dim), persistent=False
-        )
-        self.position_code: Tensor
         self.autoencoder = VQAutoencoder(part, self.n_vertices)
+
+    @property
+    def style_rows(self) -> Tensor:
+        """See `SpeechDecoder`."""
+        return self.learnable_style_emb.weight
+
+    @property
+    def output_layer(self) -> nn.Linear:
+        """See `SpeechDecoder`."""
+        return self.autoencoder.decoder.vertice_map_reverse
 
     def tokens(self, style: Tensor, past: Tensor, conditions: Conditions) -> Tensor:
         """What the decoder reads, (B, n, D): token t holds style, frame t - 1 and conditions of t.
@@ -79,33 +69,26 @@ class PartNet(nn.Module):
             conditions: code vectors of the n frames; an embedding of each part's is added to its
                 token, so that self-attention over earlier tokens sees that part's past too.
         """
-        fed_back = self.vertice_map(past) + style[:, None]
-        tokens = torch.cat([style[:, None], fed_back], dim=1)
+        tokens = self.motion_tokens(style, past)
         for name, embed in self.condition_map.items():
             tokens = tokens + embed(conditions[name][:, : tokens.shape[1]].flatten(2))
         return tokens
 
     def every_head(self, tokens: Tensor, memory: Tensor) -> Tensor:
         """Tokens (B, n, D) of a prefix over the clip's memory to features (B, n, K, H, C)."""
-        n_frames = tokens.shape[1]
-        rows = self.system.speech_encoder.memory_rows_per_frame
-        period = self.part.cross_modal_decoder.period
-        positions = self.position_code[torch.arange(n_frames) % period]
-        hidden = self.transformer_decoder(
-            tokens + positions,
-            memory,
-            tgt_mask=self_attention_bias(self.part, n_frames).repeat(tokens.shape[0], 1, 1),
-            memory_mask=cross_mask(n_frames, memory.shape[1], rows),
-        )
         book, _ = self.part.prior
         shape = (self.part.n_samples, book.codes_per_frame, book.dim)
-        return cast(Tensor, self.feat_map(hidden).unflatten(-1, shape))
+        return cast(Tensor, self.feat_map(self.hidden(tokens, memory)).unflatten(-1, shape))
 
     def features(self, tokens: Tensor, memory: Tensor, sample: Tensor | None = None) -> Tensor:
         """`every_head`, of which head `sample[b]` answers for row b (default 0): (B, n, H, C)."""
         every = self.every_head(tokens, memory)
         row = torch.arange(len(every))
         return every[row, :, torch.zeros_like(row) if sample is None else sample]
+
+    def offsets(self, tokens: Tensor, memory: Tensor) -> Tensor:
+        """See `SpeechDecoder`; of the first head."""
+        return self.decode(self.features(tokens, memory))[1]
 
     @torch.no_grad()
     def animate(
@@ -126,7 +109,7 @@ class PartNet(nn.Module):
             progress: wraps the steps.
         """
         n_frames = memory.shape[1] // self.system.speech_encoder.memory_rows_per_frame
-        style_token = style @ self.learnable_style_emb.weight
+        style_token = style @ self.style_rows
         past = memory.new_zeros(len(memory), 0, 3 * self.n_vertices)
         for step in progress(range(n_frames)):
             tokens = self.tokens(style_token, past, conditions or {})
@@ -157,28 +140,3 @@ def code_width(part: PartSpec) -> int:
     """Numbers in the code vectors of one frame."""
     book, _ = part.prior
     return book.codes_per_frame * book.dim
-
-
-def alibi_slopes(n_heads: int) -> list[float]:
-    """Slopes per head of Press et al. 2022 (ALiBi): 2^-2, 2^-4, 2^-6, 2^-8 for four heads."""
-    if n_heads & (n_heads - 1) == 0:
-        return [2.0 ** (-8.0 * (head + 1) / n_heads) for head in range(n_heads)]
-    below = 1 << (n_heads.bit_length() - 1)
-    return alibi_slopes(below) + alibi_slopes(2 * below)[0::2][: n_heads - below]
-
-
-def self_attention_bias(part: PartSpec, n_frames: int) -> Tensor:
-    """Causal mask plus -floor((t - j) / period) * slope: (heads, n_frames, n_frames)."""
-    decoder = part.cross_modal_decoder
-    frame = torch.arange(n_frames)
-    distance = frame[:, None] - frame
-    steps = torch.div(distance, decoder.period, rounding_mode="floor")
-    slopes = torch.tensor(alibi_slopes(decoder.n_heads))
-    bias = -steps * slopes[:, None, None]
-    return bias.masked_fill(distance < 0, float("-inf"))
-
-
-def cross_mask(n_frames: int, n_rows: int, rows_per_frame: int) -> Tensor:
-    """True where frame t may not look: it sees memory rows [t * rows, (t + 1) * rows)."""
-    owner = torch.arange(n_rows) // rows_per_frame
-    return owner != torch.arange(n_frames)[:, None]

@@ -10,6 +10,9 @@ from facecode_spec.systems import (
     codetalker_demo,
     codetalker_tiny,
     codetalker_vocaset,
+    faceformer_biwi,
+    faceformer_tiny,
+    faceformer_vocaset,
 )
 
 SYSTEMS: dict[str, SystemSpec] = {
@@ -17,6 +20,7 @@ SYSTEMS: dict[str, SystemSpec] = {
     for module in (
         *(codetalker_vocaset, codetalker_biwi, codetalker_demo, codetalker_tiny),
         *(cdface_vocaset, cdface_biwi, cdface_demo, cdface_tiny),
+        *(faceformer_vocaset, faceformer_biwi, faceformer_tiny),
     )
 }
 

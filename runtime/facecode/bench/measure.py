@@ -57,7 +57,7 @@ def benchmark(
     run = _run(timed, speech, request)
     n_frames = len(run.frame_s)
     step_s = _summed([p.decoder_step for p in timed.parts])
-    motion_s = _summed([p.motion.graph for p in timed.parts])
+    motion_s = _summed([p.motion.graph for p in timed.parts if p.motion is not None])
     head_s = [s for p in timed.parts for s in _seconds(p.vertex_head)]
     return BenchReport(
         bundle=str(animator.bundle.root),
@@ -77,8 +77,8 @@ def benchmark(
         encoder_s=sum(_seconds(timed.speech_encoder.graph)),
         frame=Latency.of(run.frame_s),
         decoder_step=Latency.of(step_s),
-        motion_decoder=Latency.of(motion_s[:-1] or [0.0]),
-        final_decode_ms_per_frame=1000 * motion_s[-1] / n_frames,
+        motion_decoder=Latency.of(motion_s[:-1] or [0.0]) if motion_s else None,
+        final_decode_ms_per_frame=1000 * motion_s[-1] / n_frames if motion_s else None,
         vertex_head_ms_per_frame=1000 * sum(head_s) / n_frames,
         total_s=run.total_s,
         real_time_factor=run.total_s * m.sample_rate / len(speech),
@@ -128,8 +128,10 @@ def _run(engine: Engine, speech: Audio, request: Request) -> _Run:
 
 def _first_frame(engine: Engine, speech: Audio) -> float:
     start = time.perf_counter()
-    frames = engine.frames([engine.encode(speech)], engine.request())
-    engine.decode(np.concatenate(next(frames).codes, axis=-1))
+    faces = Faces(engine.parts, engine.n_vertices)
+    faces.add(next(engine.frames([engine.encode(speech)], engine.request())))
+    faces.finish()
+    faces.take()
     return time.perf_counter() - start
 
 
@@ -143,7 +145,7 @@ def _timed(engine: Engine) -> Engine:
             dataclasses.replace(
                 part,
                 decoder_step=TimedGraph(part.decoder_step),
-                motion=dataclasses.replace(part.motion, graph=TimedGraph(part.motion.graph)),
+                motion=part.motion and part.motion.with_graph(TimedGraph(part.motion.graph)),
                 vertex_head=TimedGraph(part.vertex_head),
             )
             for part in engine.parts

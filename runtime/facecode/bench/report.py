@@ -28,8 +28,9 @@ def table(report: BenchReport) -> str:
         ("  decoder step", r.decoder_step),
         ("  motion decoder", r.motion_decoder),
     ):
-        rows.append((name, *(f"{v:.2f}" for v in dataclasses.astuple(latency))))
-    if r.window is None:
+        if latency is not None:
+            rows.append((name, *(f"{v:.2f}" for v in dataclasses.astuple(latency))))
+    if r.window is None and r.final_decode_ms_per_frame is not None:
         rows.append(("final decode", "", "", "", f"{r.final_decode_ms_per_frame:.2f}"))
     rows.append(
         (f"vertex head ({HEAD_CHUNK} a call)", "", "", "", f"{r.vertex_head_ms_per_frame:.2f}")
@@ -57,7 +58,7 @@ def comparison(first: BenchReport, second: BenchReport) -> str:
         ("frame p50, ms", first.frame.p50_ms, second.frame.p50_ms),
         ("frame p95, ms", first.frame.p95_ms, second.frame.p95_ms),
         ("  decoder step p50", first.decoder_step.p50_ms, second.decoder_step.p50_ms),
-        ("  motion decoder p50", first.motion_decoder.p50_ms, second.motion_decoder.p50_ms),
+        *_motion_decoders(first, second),
         ("vertex head, ms a frame", *_heads(first, second)),
         ("speech encoder, s", first.encoder_s, second.encoder_s),
         ("total, s", first.total_s, second.total_s),
@@ -66,6 +67,15 @@ def comparison(first: BenchReport, second: BenchReport) -> str:
         rows.append((name, f"{a:.3f}", f"{b:.3f}", f"{a / b:.2f}"))
     width = max(12, *(len(row[i]) + 2 for row in rows for i in (1, 2)))
     return "\n".join(f"{n:<24}{a:>{width}}{b:>{width}}{r:>8}" for n, a, b, r in rows)
+
+
+def _motion_decoders(
+    first: BenchReport, second: BenchReport
+) -> tuple[tuple[str, float, float], ...]:
+    """A row, where both bundles have one."""
+    if first.motion_decoder is None or second.motion_decoder is None:
+        return ()
+    return (("  motion decoder p50", first.motion_decoder.p50_ms, second.motion_decoder.p50_ms),)
 
 
 def _heads(first: BenchReport, second: BenchReport) -> tuple[float, float]:

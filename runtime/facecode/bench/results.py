@@ -49,8 +49,10 @@ class BenchReport:
     frame: Latency
     """Decoder step, look-up and motion decode: what the loop costs per frame."""
     decoder_step: Latency
-    motion_decoder: Latency
-    final_decode_ms_per_frame: float
+    motion_decoder: Latency | None
+    """None: a system without codes."""
+    final_decode_ms_per_frame: float | None
+    """None: a system without codes."""
     vertex_head_ms_per_frame: float
     total_s: float
     real_time_factor: float

@@ -53,10 +53,8 @@ def _parity(bundle: Bundle) -> str:
     equal = sum(c.n_codes_equal for c in report.cases)
     worst = max(c.max_vertex_error for c in report.cases)
     frames = ", ".join(str(c.n_frames) for c in report.cases)
-    return (
-        f"{equal} of {codes} codes equal to torch, vertices within {worst:.1e}, "
-        f"clips of {frames} frames"
-    )
+    equality = f"{equal} of {codes} codes equal to torch, vertices" if codes else "to torch"
+    return f"{equality} within {worst:.1e}, clips of {frames} frames"
 
 
 def _mode(entry: ModeEntry) -> str:

@@ -12,20 +12,14 @@ import numpy as np
 
 from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets
 from facecode.bundle import Bundle
-from facecode.errors import ModeError
-from facecode.loop.exact import PrefixMotion
-from facecode.loop.part import HEAD_CHUNK, Part, offsets_of, products_of
-from facecode.loop.request import Request, Window, check_codes, request_of
+from facecode.loop.loops import loop_of
+from facecode.loop.part import HEAD_CHUNK, Part, check_codes, offsets_of, products_of
+from facecode.loop.request import Request, Window, request_of
 from facecode.loop.step import (
     Frame,
-    GeneratedPart,
-    HeldPart,
-    MotionState,
-    PartLoop,
     run_loop,
     with_bar,
 )
-from facecode.loop.window import WindowMotion
 from facecode.options import Held, Samples
 from facecode.session import Compute, Graph
 from facecode.speech import Memory, SpeechEncoder
@@ -59,7 +53,7 @@ class Engine:
     @property
     def smallest_window(self) -> int:
         """The fewest frames that a step can decode."""
-        return max(part.motion.n_newest for part in self.parts)
+        return max(1 if part.motion is None else part.motion.n_newest for part in self.parts)
 
     def request(
         self,
@@ -89,26 +83,8 @@ class Engine:
             ModeError: held codes, and several clips.
         """
         lengths = [memory.n_frames for memory in memories]
-        loops = [self._loop(part, memories, request) for part in self.parts]
+        loops = [loop_of(part, memories, request) for part in self.parts]
         return run_loop(self.parts, loops, lengths)
-
-    def _loop(self, part: Part, memories: Sequence[Memory], request: Request) -> PartLoop:
-        if part.name in request.hold:
-            if len(memories) != 1:
-                raise ModeError(f"got codes to hold and {len(memories)} recordings; expected one")
-            codes = check_codes(request.hold[part.name], part, memories[0].n_frames)
-            return HeldPart(part, codes[None])
-        heads = request.heads[part.name]
-        weights = np.broadcast_to(request.weights, (len(memories), part.n_styles))
-        n_rows = len(memories) * len(heads)
-        shape = (part.codes_per_frame, part.codebook.rows.shape[1])
-        motion: MotionState
-        if request.window is None:
-            motion = PrefixMotion(part.motion, n_rows, shape)
-        else:
-            window = request.window
-            motion = WindowMotion(part.motion, n_rows, shape, window.frames, window.delay)
-        return GeneratedPart(part, memories, weights, heads, motion)
 
     def move(self, memories: Sequence[Memory], request: Request) -> list[tuple[Codes, AnyArray]]:
         """Codes (K, T, H) and offsets (K, T, V, 3) of each clip, K faces a clip; see `frames`.
@@ -150,6 +126,7 @@ class Engine:
 
         Raises:
             CodesError: another H, or codes outside the codebook.
+            NoCodesError: a system without codes.
         """
         edges = np.cumsum([part.codes_per_frame for part in self.parts])
         columns = np.split(np.asarray(codes), edges[:-1], axis=-1)

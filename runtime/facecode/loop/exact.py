@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from facecode.arrays import AnyArray, Float32, Vectors
-from facecode.loop.part import MotionDecoder
+from facecode.loop.prior import MotionDecoder
 from facecode.loop.step import Final
 
 

@@ -1,131 +1,37 @@
-"""One part of the face: its graphs and its codebook as values, without state."""
+"""One part of the face: its graphs and, of kind `codes`, its codebook as values, without state."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from facecode.arrays import AnyArray, Codes, Features, Float32, Indices, Offsets, Vectors
+from facecode.arrays import AnyArray, Codes, Float32, Indices, Offsets
 from facecode.bundle import Bundle
-from facecode.bundle_files import load_array
-from facecode.errors import ManifestError
+from facecode.errors import CodesError, NoCodesError
+from facecode.loop.prior import Codebook, MotionDecoder, open_prior
 from facecode.session import Compute, Graph
-from facecode_spec.entries import GraphEntry, PartEntry, ReachEntry
+from facecode_spec.entries import GraphEntry, PartEntry
 from facecode_spec.graphs import past_keys
+from facecode_spec.schema import PartKind
 
 HEAD_CHUNK = 64
 """Frames per call of the vertex head: enough to read its weights rarely, 18 MB for BIWI."""
 
 
-class Codebook:
-    """A codebook (N, C): nearest code and look-up, in numpy.
-
-    Distances are formed in float64 like those of the graphs, so that both agree, and a codebook
-    row is its own nearest row. A tie goes to the lower code.
-    """
-
-    def __init__(self, rows: Float32) -> None:
-        self.rows = rows
-        self._columns = np.ascontiguousarray(rows.T, dtype=np.float64)
-        self._half_norms = np.square(self._columns).sum(axis=0) / 2
-
-    def nearest(self, features: Features) -> Codes:
-        """Features (..., C) to codes (...) int64 by squared L2 distance."""
-        # |z - e|^2 / 2 less the part that all codes share.
-        score = self._half_norms - features.astype(np.float64) @ self._columns
-        return cast(Codes, score.argmin(axis=-1))
-
-    def look_up(self, codes: Codes) -> Vectors:
-        """Codes (...) to their rows (..., C)."""
-        return self.rows[codes]
-
-
-@dataclass(frozen=True)
-class MotionDecoder:
-    """The graph `motion_decoder` with its sizes; a state that is not given is empty."""
-
-    graph: Graph
-    reach: ReachEntry
-    n_layers: int
-    n_heads: int
-    head_dim: int
-
-    @classmethod
-    def of(cls, graph: Graph, entry: GraphEntry, reach: ReachEntry) -> MotionDecoder:
-        """Sizes as the manifest states them."""
-        n_layers, _, n_heads, _, head_dim = entry.output("keys").axes
-        return cls(graph, reach, int(n_layers), int(n_heads), int(head_dim))
-
-    @property
-    def dim(self) -> int:
-        """E."""
-        return self.n_heads * self.head_dim
-
-    @property
-    def n_newest(self) -> int:
-        """Frames whose convolution the newest frame still changes, itself included."""
-        return self.reach.after + 1
-
-    def context(self, vectors: Vectors, start: int) -> Vectors:
-        """The frames before `start` that the convolution reads; frame 0 stands before itself."""
-        if start == 0:
-            return vectors[:, :0]
-        return vectors[:, [max(0, start - k) for k in range(self.reach.before, 0, -1)]]
-
-    def run(
-        self,
-        outputs: Sequence[str],
-        features: Vectors,
-        frames: AnyArray,
-        *,
-        context: Vectors | None = None,
-        known: Float32 | None = None,
-        **past: AnyArray,
-    ) -> list[AnyArray]:
-        """Decode `features` (B, n, H, C) and give `frames` (m,); see the GraphSpec."""
-        n = len(features)
-        return self.graph.run(
-            outputs,
-            features=features,
-            frames=frames,
-            context=features[:, :0] if context is None else context,
-            known=np.empty((n, 0, self.dim), np.float32) if known is None else known,
-            **(past or self._no_past(n)),
-        )
-
-    def past_inputs(
-        self, keys: Iterable[Float32], values: Iterable[Float32]
-    ) -> dict[str, AnyArray]:
-        """Rows (B, heads, p, width) of every layer by graph input name."""
-        named: dict[str, AnyArray] = {f"past_keys_{i}": rows for i, rows in enumerate(keys)}
-        return named | {f"past_values_{i}": rows for i, rows in enumerate(values)}
-
-    def _no_past(self, n: int) -> dict[str, AnyArray]:
-        zeros = np.zeros((n, self.dim), np.float32)
-        none = [np.empty((n, self.n_heads, 0, self.head_dim), np.float32)] * self.n_layers
-        return {
-            "revisited": zeros[:, None][:, :0],
-            "count": np.zeros((), np.float32),
-            "mean": zeros,
-            "squares": zeros,
-            "past_log_weights": np.empty(0, np.float32),
-            "revisited_log_weights": np.empty(0, np.float32),
-            **self.past_inputs(none, none),
-        }
-
-
 @dataclass(frozen=True)
 class Part:
-    """One part of the face, of kind `codes`."""
+    """One part of the face."""
 
     name: str
-    codebook: Codebook
+    codebook: Codebook | None
+    """None: a part of kind `offsets`."""
     decoder_step: Graph
-    motion: MotionDecoder
+    motion: MotionDecoder | None
+    """None: a part of kind `offsets`."""
     vertex_head: Graph
     n_styles: int
     n_layers: int
@@ -134,6 +40,7 @@ class Part:
     dim: int
     """D, the width of the decoder step."""
     codes_per_frame: int
+    """H; 0 for a part of kind `offsets`."""
     memory: tuple[str, ...]
     """What the decoder step reads of the encoded speech."""
     n_samples: int = 1
@@ -148,29 +55,22 @@ class Part:
         """Load one part of a verified bundle.
 
         Raises:
-            GraphError, ProviderError.
-            ManifestError: a part of a kind that this release does not animate.
+            GraphError, ProviderError, ManifestError.
         """
-        if entry.codebook is None or entry.motion_decoder is None or entry.reach is None:
-            raise ManifestError(
-                f"part {entry.name!r} of {bundle.root} is of kind {entry.kind!r}; this release "
-                "animates 'codes'. Upgrade facecode"
-            )
         step, sizes = entry.decoder_step, _sizes(entry.decoder_step)
-        rows = load_array(bundle.root, entry.codebook, (-1, sizes["code_dim"]), np.float32)
-        motion_graph = Graph(bundle.path(entry.motion_decoder.path), entry.motion_decoder, compute)
+        codebook, motion = open_prior(bundle, entry, compute)
         wanted = {tensor.name for tensor in step.inputs}
         return cls(
             name=entry.name,
-            codebook=Codebook(rows),
+            codebook=codebook,
             decoder_step=Graph(bundle.path(step.path), step, compute),
-            motion=MotionDecoder.of(motion_graph, entry.motion_decoder, entry.reach),
+            motion=motion,
             vertex_head=Graph(bundle.path(entry.vertex_head.path), entry.vertex_head, compute),
             n_styles=sizes["n_styles"],
             n_layers=sizes["n_layers"],
             n_heads=sizes["n_heads"],
             dim=sizes["dim"],
-            codes_per_frame=sizes["codes_per_frame"],
+            codes_per_frame=entry.codes_per_frame,
             memory=tuple(
                 t.name for t in bundle.manifest.speech_encoder.outputs if t.name in wanted
             ),
@@ -181,14 +81,35 @@ class Part:
         )
 
     @property
+    def kind(self) -> PartKind:
+        """Which loop animates the part."""
+        return "offsets" if self.codebook is None else "codes"
+
+    @property
     def graphs(self) -> tuple[Graph, ...]:
         """The part's graphs in the order in which they run."""
-        return (self.decoder_step, self.motion.graph, self.vertex_head)
+        motion = () if self.motion is None else (self.motion.graph,)
+        return (self.decoder_step, *motion, self.vertex_head)
+
+    @property
+    def prior(self) -> tuple[Codebook, MotionDecoder]:
+        """What takes codes to motion.
+
+        Raises:
+            NoCodesError: a part of kind `offsets`.
+        """
+        if self.codebook is None or self.motion is None:
+            raise NoCodesError(
+                f"part {self.name!r} has no codebook: this system gives motion itself, not codes; "
+                "use the offsets or vertices of its clips"
+            )
+        return self.codebook, self.motion
 
     def hidden_of(self, codes: Codes) -> Float32:
         """Hidden frames (B, T, E) of the codes (B, T, H) of whole clips."""
-        vectors, every = self.codebook.look_up(codes), np.arange(codes.shape[1])
-        return cast(Float32, self.motion.run(("hidden",), vectors, every)[0])
+        codebook, motion = self.prior
+        vectors, every = codebook.look_up(codes), np.arange(codes.shape[1])
+        return cast(Float32, motion.run(("hidden",), vectors, every)[0])
 
     def write_offsets(self, hidden: Float32, offsets: Offsets) -> None:
         """Hidden frames (B, T, E) to `offsets` (B, T, V, 3), at the part's vertices."""
@@ -235,15 +156,39 @@ def products_of(parts: Sequence[Part], hidden: Sequence[Float32], n_faces: int) 
     return np.asarray(sum(np.repeat(rows, n_faces // len(rows), axis=0) for rows in each))
 
 
+def check_codes(codes: AnyArray, part: Part, n_frames: int | None = None) -> Codes:
+    """Codes (..., T, H) of a part as int64.
+
+    Raises:
+        CodesError: not whole numbers, another H, outside the codebook, or not `n_frames` long.
+        NoCodesError: a part without a codebook.
+    """
+    codebook, _ = part.prior
+    array = np.asarray(codes)
+    n_codes, wide = len(codebook.rows), part.codes_per_frame
+    if array.ndim < 2 or array.shape[-1] != wide or array.dtype.kind not in "iu":
+        raise CodesError(
+            f"got {array.dtype} codes {array.shape} for {part.name}; expected whole numbers "
+            f"(T, {wide})"
+        )
+    if array.size and not (array.min() >= 0 and array.max() < n_codes):
+        raise CodesError(
+            f"got codes {array.min()} to {array.max()} for {part.name}; expected 0 to {n_codes - 1}"
+        )
+    if n_frames is not None and array.shape[-2] != n_frames:
+        raise CodesError(
+            f"got codes of {array.shape[-2]} frames to hold for {part.name}; this speech has "
+            f"{n_frames}"
+        )
+    return array.astype(np.int64)
+
+
 def _sizes(step: GraphEntry) -> Mapping[str, int]:
     """Sizes of a part as the signature of its decoder step states them."""
     n_layers, _, dim = step.output("keys").axes
-    _, codes_per_frame, code_dim = step.output("features").axes
     named = {
         "n_layers": n_layers,
         "dim": dim,
-        "codes_per_frame": codes_per_frame,
-        "code_dim": code_dim,
         "n_heads": step.input(past_keys(0)).axes[1],
         "n_styles": step.input("style").axes[1],
     }

@@ -12,8 +12,8 @@ import numpy as np
 
 from facecode.arrays import AnyArray, Codes, Float32
 from facecode.clip import Clip
-from facecode.errors import CodesError, ModeError, NoRigError, SampleError, StyleError, StyleWarning
-from facecode.loop.part import Part
+from facecode.errors import ModeError, NoRigError, SampleError, StyleError, StyleWarning
+from facecode.loop.part import Part, check_codes
 from facecode.options import MODES, Held, Samples, Style
 from facecode_spec.manifest import ModeEntry
 
@@ -118,6 +118,10 @@ def window_of(
         ModeError: unknown mode, `frames` without window mode, or too few.
     """
     mode = "exact" if mode is None else mode
+    if mode in MODES and list(modes) == ["exact"] != [mode]:
+        raise ModeError(
+            f"got mode {mode!r}; this bundle has one mode, exact: leave mode and window out"
+        )
     if mode not in modes or mode not in MODES:
         raise ModeError(f"got mode {mode!r}; expected one of {', '.join(modes)}")
     if mode == "exact":
@@ -221,28 +225,3 @@ def _check_count(n: int, free: Sequence[Part], name: str) -> None:
             f"got {n} samples of {name}; expected 1 to {can[name]} (this bundle gives: {gives})"
             f"{more}"
         )
-
-
-def check_codes(codes: AnyArray, part: Part, n_frames: int | None = None) -> Codes:
-    """Codes (..., T, H) of a part as int64.
-
-    Raises:
-        CodesError: not whole numbers, another H, outside the codebook, or not `n_frames` long.
-    """
-    array = np.asarray(codes)
-    n_codes, wide = len(part.codebook.rows), part.codes_per_frame
-    if array.ndim < 2 or array.shape[-1] != wide or array.dtype.kind not in "iu":
-        raise CodesError(
-            f"got {array.dtype} codes {array.shape} for {part.name}; expected whole numbers "
-            f"(T, {wide})"
-        )
-    if array.size and not (array.min() >= 0 and array.max() < n_codes):
-        raise CodesError(
-            f"got codes {array.min()} to {array.max()} for {part.name}; expected 0 to {n_codes - 1}"
-        )
-    if n_frames is not None and array.shape[-2] != n_frames:
-        raise CodesError(
-            f"got codes of {array.shape[-2]} frames to hold for {part.name}; this speech has "
-            f"{n_frames}"
-        )
-    return array.astype(np.int64)

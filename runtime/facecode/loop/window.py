@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facecode.arrays import AnyArray, Float32, Vectors
-from facecode.loop.part import MotionDecoder
+from facecode.loop.prior import MotionDecoder
 from facecode.loop.step import Final
 from facecode.loop.thinned_past import ThinnedPast
 
