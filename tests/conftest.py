@@ -19,8 +19,10 @@ import facecode
 
 DATA = Path(__file__).parent / "data"
 TINY = DATA / "tiny-bundle"
+TINY_FACEFORMER = DATA / "tiny-faceformer"
 SPEECH = Path(facecode.__file__).parent / "assets" / "speech.flac"
 GOLDENS = ("codetalker-vocaset-tiny", "codetalker-biwi-tiny")
+FACEFORMER_GOLDENS = ("faceformer-vocaset-tiny", "faceformer-biwi-tiny")
 
 
 FORMS = {"vocaset": (2, "sentence{:02d}"), "biwi": (1, "e{:02d}")}
@@ -92,11 +94,22 @@ def exported_once(request, tmp_path_factory):
 
 @dataclass(frozen=True)
 class Golden:
-    """A case of the public code with its checkpoint files."""
+    """A case of the public code with its checkpoint files, by the option that takes each."""
 
     folder: Path
-    stage1: Path
-    stage2: Path
+    files: dict[str, Path]
+
+    @property
+    def stage1(self):
+        return self.files["stage1"]
+
+    @property
+    def stage2(self):
+        return self.files["stage2"]
+
+    @property
+    def checkpoint(self):
+        return self.files["checkpoint"]
 
     @property
     def config(self):
@@ -115,8 +128,9 @@ class Golden:
         return self.folder / "template.npy"
 
     def export_args(self, out):
+        files = [word for name, file in self.files.items() for word in (f"--{name}", str(file))]
         return [
-            "export", "--stage1", str(self.stage1), "--stage2", str(self.stage2),
+            "export", *files,
             "--config", str(self.config), "--wav2vec2-config", str(self.wav2vec2),
             "--template", str(self.template), "--out", str(out), "--quiet",
         ]  # fmt: skip
@@ -126,7 +140,7 @@ class Golden:
 
     def expected(self, i):
         with np.load(self.folder / f"expected_{i}.npz") as arrays:
-            return arrays["codes"], arrays["vertices"]
+            return arrays.get("codes"), arrays["vertices"]
 
 
 def write_checkpoints(case: Path, out: Path) -> Golden:
@@ -138,7 +152,7 @@ def write_checkpoints(case: Path, out: Path) -> Golden:
 
     config = yaml.safe_load((case / "config.yaml").read_text())
     period = config["PREDICTOR"]["period"]
-    paths = []
+    paths = {}
     for stage in ("stage1", "stage2"):
         with np.load(case / f"{stage}.npz") as arrays:
             state = {n: torch.from_numpy(arrays[n]).float() for n in arrays.files}
@@ -149,9 +163,31 @@ def write_checkpoints(case: Path, out: Path) -> Golden:
         else:
             table = sinusoid(period, config["PREDICTOR"]["feature_dim"])
             state["PPE.pe"] = table.repeat(600 // period + 1, 1)[None]
-        paths.append(out / f"{stage}.pth.tar")
-        torch.save({"state_dict": state}, paths[-1])
-    return Golden(case, *paths)
+        paths[stage] = out / f"{stage}.pth.tar"
+        torch.save({"state_dict": state}, paths[stage])
+    return Golden(case, paths)
+
+
+def write_faceformer_checkpoint(case: Path, out: Path) -> Golden:
+    """The golden's float16 arrays as the one public file: no wrapper, older weight-norm names."""
+    import torch
+    import yaml
+
+    from facecode_exporter.nets.sinusoid import sinusoid
+
+    config = yaml.safe_load((case / "config.yaml").read_text())
+    table = sinusoid(config["period"], config["feature_dim"])
+    state = {"PPE.pe": table.repeat(600 // config["period"] + 1, 1)[None]}
+    spelling = {"parametrizations.weight.original0": "weight_g"}
+    spelling["parametrizations.weight.original1"] = "weight_v"
+    with np.load(case / "weights.npz") as arrays:
+        for name in arrays.files:
+            start, dot, end = name.partition("parametrizations.")
+            public = f"{start}{spelling[dot + end]}" if dot else name
+            state[public] = torch.from_numpy(arrays[name]).float()
+    file = out / "faceformer.pth"
+    torch.save(state, file)
+    return Golden(case, {"checkpoint": file})
 
 
 @pytest.fixture(scope="session", params=GOLDENS)
@@ -169,6 +205,22 @@ def golden_bundle(golden, tmp_path_factory):
     return out
 
 
+@pytest.fixture(scope="session", params=FACEFORMER_GOLDENS)
+def faceformer_golden(request, tmp_path_factory):
+    out = tmp_path_factory.mktemp(request.param)
+    return write_faceformer_checkpoint(DATA / request.param, out)
+
+
+@pytest.fixture(scope="session")
+def faceformer_bundle(faceformer_golden, tmp_path_factory):
+    """The golden exported through the command line."""
+    from facecode_exporter.cli.main import main
+
+    out = tmp_path_factory.mktemp("bundles") / faceformer_golden.folder.name
+    assert main(faceformer_golden.export_args(out)) == 0
+    return out
+
+
 @pytest.fixture(scope="session")
 def vocaset_golden(tmp_path_factory):
     return write_checkpoints(DATA / GOLDENS[0], tmp_path_factory.mktemp("vocaset"))
@@ -178,6 +230,12 @@ def vocaset_golden(tmp_path_factory):
 def tiny():
     """The committed bundle of random weights; see data/make_tiny_bundle.sh."""
     return facecode.load(TINY, threads=1)
+
+
+@pytest.fixture(scope="session")
+def tiny_faceformer():
+    """The committed bundle without a codebook; see data/make_tiny_bundle.sh."""
+    return facecode.load(TINY_FACEFORMER, threads=1)
 
 
 @pytest.fixture

@@ -61,6 +61,11 @@ class CrossModalDecoderSpec:
     period: int
     """Frames after which the position code repeats and the attention bias takes a step."""
 
+    def __post_init__(self) -> None:
+        sizes = (self.dim, self.n_layers, self.n_heads, self.dim_feedforward, self.period)
+        if min(sizes) < 1:
+            raise SpecError(f"got {self}; expected sizes of 1 or more")
+
 
 @dataclass(frozen=True)
 class MotionDecoderSpec:

@@ -62,6 +62,33 @@ def test_inconsistent_widths_are_refused():
         )
 
 
+def test_kinds_go_with_the_family():
+    codes, offsets = SYSTEMS["codetalker-tiny"], SYSTEMS["faceformer-tiny"]
+    assert (codes.parts[0].kind, offsets.parts[0].kind) == ("codes", "offsets")
+    assert (codes.parts[0].hidden_dim, offsets.parts[0].hidden_dim) == (32, 32)
+    with pytest.raises(SpecError, match="not of kind 'codes', as those of the family codetalker"):
+        dataclasses.replace(codes, parts=offsets.parts)
+    with pytest.raises(SpecError, match="not of kind 'offsets'"):
+        dataclasses.replace(offsets, parts=codes.parts)
+    with pytest.raises(SpecError, match="2 parts; the family faceformer has one"):
+        dataclasses.replace(offsets, parts=offsets.parts * 2)
+    with pytest.raises(SpecError, match="expected one sample, and no condition"):
+        dataclasses.replace(offsets.parts[0], n_samples=2)
+
+
+def test_the_published_sizes_of_faceformer():
+    vocaset, biwi = SYSTEMS["faceformer-vocaset"], SYSTEMS["faceformer-biwi"]
+    assert (vocaset.n_vertices, vocaset.fps) == (5023, 30)
+    assert (biwi.n_vertices, biwi.fps) == (23370, 25)
+    assert vocaset.styles == SYSTEMS["codetalker-vocaset"].styles
+    assert biwi.styles == SYSTEMS["codetalker-biwi"].styles
+    decoders = [system.parts[0].cross_modal_decoder for system in (vocaset, biwi)]
+    assert [(d.dim, d.n_layers, d.n_heads, d.dim_feedforward, d.period) for d in decoders] == [
+        (64, 1, 4, 128, 30),
+        (128, 1, 4, 256, 25),
+    ]
+
+
 def test_manifest_survives_json():
     manifest = Manifest.from_json(MANIFEST)
     assert Manifest.from_json(manifest.to_json()) == manifest

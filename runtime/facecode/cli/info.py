@@ -59,8 +59,10 @@ def _parity(bundle: Bundle) -> str:
 
 def _mode(entry: ModeEntry) -> str:
     ahead = "the whole clip" if entry.look_ahead_ms is None else f"{entry.look_ahead_ms:g} ms"
-    delay = "" if entry.delay_frames is None else f", frames final {entry.delay_frames} later"
-    return f"look-ahead {ahead}{delay}"
+    if entry.delay_frames is None:
+        return f"look-ahead {ahead}"
+    final = f"{entry.delay_frames} later" if entry.delay_frames else "at once"
+    return f"look-ahead {ahead}, frames final {final}"
 
 
 def _count(n_samples: int) -> str:
