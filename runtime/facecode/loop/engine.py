@@ -14,12 +14,12 @@ from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets
 from facecode.bundle import Bundle
 from facecode.errors import ModeError
 from facecode.loop.exact import PrefixMotion
+from facecode.loop.held import HeldPart
 from facecode.loop.part import HEAD_CHUNK, Part, offsets_of, products_of
 from facecode.loop.request import Request, Window, check_codes, request_of
 from facecode.loop.step import (
     Frame,
     GeneratedPart,
-    HeldPart,
     MotionState,
     PartLoop,
     run_loop,
@@ -41,11 +41,7 @@ class Engine:
 
     @classmethod
     def open(cls, bundle: Bundle, compute: Compute) -> Engine:
-        """Load the graphs of a verified bundle.
-
-        Raises:
-            GraphError, ManifestError, ProviderError.
-        """
+        """Load the graphs of a verified bundle; GraphError, ManifestError, ProviderError."""
         m = bundle.manifest
         encoder = Graph(bundle.path(m.speech_encoder.path), m.speech_encoder, compute)
         parts = tuple(Part.open(bundle, part, compute) for part in m.parts)
@@ -88,9 +84,12 @@ class Engine:
             CodesError: held codes of another length.
             ModeError: held codes, and several clips.
         """
-        lengths = [memory.n_frames for memory in memories]
-        loops = [self._loop(part, memories, request) for part in self.parts]
-        return run_loop(self.parts, loops, lengths)
+        loops = self.loops(memories, request)
+        return run_loop(self.parts, loops, [memory.n_frames for memory in memories])
+
+    def loops(self, memories: Sequence[Memory], request: Request) -> list[PartLoop]:
+        """The loops of all parts, at frame 0; see `frames` for errors."""
+        return [self._loop(part, memories, request) for part in self.parts]
 
     def _loop(self, part: Part, memories: Sequence[Memory], request: Request) -> PartLoop:
         if part.name in request.hold:
@@ -100,13 +99,12 @@ class Engine:
             return HeldPart(part, codes[None])
         heads = request.heads[part.name]
         weights = np.broadcast_to(request.weights, (len(memories), part.n_styles))
-        n_rows = len(memories) * len(heads)
+        n_rows, window = len(memories) * len(heads), request.window
         shape = (part.codes_per_frame, part.codebook.rows.shape[1])
         motion: MotionState
-        if request.window is None:
+        if window is None:
             motion = PrefixMotion(part.motion, n_rows, shape)
         else:
-            window = request.window
             motion = WindowMotion(part.motion, n_rows, shape, window.frames, window.delay)
         return GeneratedPart(part, memories, weights, heads, motion)
 

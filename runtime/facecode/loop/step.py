@@ -40,8 +40,14 @@ class PartLoop(Protocol):
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:
         """Codes (rows, H) of frame `step` for the rows of the first `n_clips` clips."""
 
+    def settle(self) -> None:
+        """Feed the newest motion back now, not at the next frame: a stream does not wait for it."""
+
+    def restyle(self, weights: Float32) -> None:
+        """Take style weights (n_clips, n_styles) for the frames to come."""
+
     def finish(self) -> None:
-        """Make the last frames final: no frame follows."""
+        """Make the last frames final: no frame follows, or not soon."""
 
     def take_final(self) -> list[Final]:
         """The hidden frames that have become final since the last call."""
@@ -132,7 +138,8 @@ class GeneratedPart:
         n_rows = len(weights) * len(heads)
         self._part, self._motion, self._n_rows = part, motion, len(heads)
         self._memories = memories
-        self._weights = np.repeat(weights, len(heads), axis=0)
+        self._fed_back: Float32 | None = None
+        self.restyle(weights)
         self._heads = np.tile(heads, len(weights))
         self._cache = KeyValueCache(
             part.n_layers, n_rows, part.dim, part.n_heads, motion.longest_past
@@ -143,7 +150,8 @@ class GeneratedPart:
         part, n = self._part, n_clips * self._n_rows
         motion = np.zeros((n, part.dim), dtype=np.float32)
         if step:
-            motion = self._motion.feed_back(n)
+            motion = self._motion.feed_back(n) if self._fed_back is None else self._fed_back
+        self._fed_back = None
         memory = frames_of(self._memories[:n_clips], step)
         features, keys, values = part.decoder_step.run(
             ("features", "keys", "values"),
@@ -160,6 +168,14 @@ class GeneratedPart:
         self._motion.append(part.codebook.look_up(codes))
         return codes
 
+    def settle(self) -> None:
+        """See `PartLoop`."""
+        self._fed_back = self._motion.feed_back(len(self._weights))
+
+    def restyle(self, weights: Float32) -> None:
+        """See `PartLoop`."""
+        self._weights = np.repeat(weights, self._n_rows, axis=0)
+
     def finish(self) -> None:
         """See `PartLoop`."""
         self._motion.finish()
@@ -169,25 +185,17 @@ class GeneratedPart:
         return self._motion.take_final()
 
 
-class HeldPart:
-    """A part whose codes are given: (n_clips, T, H), one row a clip. All frames are final."""
-
-    def __init__(self, part: Part, codes: Codes) -> None:
-        self._part, self._codes, self._given = part, codes, False
-
-    def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:  # noqa: ARG002
-        """See `PartLoop`."""
-        return self._codes[:n_clips, step]
-
-    def finish(self) -> None:
-        """See `PartLoop`."""
-
-    def take_final(self) -> list[Final]:
-        """See `PartLoop`: the clip is decoded as a whole, at the first frame."""
-        if self._given:
-            return []
-        self._given = True
-        return [(slice(0, len(self._codes)), self._part.hidden_of(self._codes))]
+def run_step(
+    parts: Sequence[Part], loops: Sequence[PartLoop], step: int, n_clips: int
+) -> tuple[Codes, ...]:
+    """Codes (n_clips, rows, H) of each part for one frame of the first `n_clips` clips."""
+    vectors: dict[str, Vectors] = {}
+    codes = []
+    for part, loop in zip(parts, loops, strict=True):
+        rows = loop.step(step, n_clips, vectors)
+        vectors[part.name] = part.codebook.look_up(rows)
+        codes.append(rows.reshape(n_clips, -1, rows.shape[-1]))
+    return tuple(codes)
 
 
 def run_loop(
@@ -201,14 +209,8 @@ def run_loop(
         lengths: frames of each clip, falling.
     """
     for step in range(lengths[0]):
-        n_clips = sum(length > step for length in lengths)
-        vectors: dict[str, Vectors] = {}
-        codes = []
-        for part, loop in zip(parts, loops, strict=True):
-            rows = loop.step(step, n_clips, vectors)
-            vectors[part.name] = part.codebook.look_up(rows)
-            codes.append(rows.reshape(n_clips, -1, rows.shape[-1]))
-        yield Frame(tuple(codes), tuple(loop.take_final() for loop in loops))
+        codes = run_step(parts, loops, step, sum(length > step for length in lengths))
+        yield Frame(codes, tuple(loop.take_final() for loop in loops))
     for loop in loops:
         loop.finish()
     yield Frame((), tuple(loop.take_final() for loop in loops))
