@@ -9,7 +9,7 @@ give alone.
 from __future__ import annotations
 
 import dataclasses
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
@@ -19,6 +19,10 @@ from facecode.arrays import AnyArray, Audio, Codes, Offsets, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.blocks import Blocks
 from facecode.bundle import Bundle
+from facecode.live.clip import live_clip, refuse_in_live
+from facecode.live.plan import live_window
+from facecode.live.stream import Stream
+from facecode.live.voice import Voice
 from facecode.loop.engine import Engine
 from facecode.loop.request import Request, Window, refuse_unknown, style_weights, window_of
 from facecode.options import BatchOptions, Held, Options, Samples, Style
@@ -39,11 +43,7 @@ class Animator:
     """A loaded bundle, ready to animate any number of clips; it keeps no state between them."""
 
     def __init__(self, bundle: Bundle, compute: Compute | None = None) -> None:
-        """Load the graphs of `bundle`.
-
-        Raises:
-            GraphError, ManifestError, ProviderError.
-        """
+        """Load the graphs of `bundle`; GraphError, ManifestError or ProviderError if they fail."""
         self.bundle, self.compute = bundle, Compute() if compute is None else compute
         self.engine = Engine.open(bundle, self.compute)
         self._still = Animation.still(bundle)
@@ -55,12 +55,12 @@ class Animator:
 
     @property
     def styles(self) -> tuple[str, ...]:
-        """Style names that `animate` takes; the first is the default."""
+        """Style names; the first is the default."""
         return self.manifest.styles
 
     @property
     def gives_weights(self) -> bool:
-        """Whether `animate(..., vertices=False)` is possible: the bundle has face units."""
+        """Whether the bundle has face units, for `animate(..., vertices=False)`."""
         return all(part.rig_projection is not None for part in self.engine.parts)
 
     @overload
@@ -107,6 +107,9 @@ class Animator:
         """
         refuse_unknown("animate", options, Options)
         request, neutral, waveform = self._asked(audio, style, options, samples)
+        if options.get("mode") == "live":
+            still = self.result(request, neutral, waveform, self._still.codes, self._still.offsets)
+            return live_clip(self._stream(request, options.get("look_ahead_ms")), still)
         codes, motion = self.engine.animate(waveform, request)
         faces = zip(codes, motion, strict=True)
         clips = [self.result(request, neutral, waveform, *face) for face in faces]
@@ -118,37 +121,55 @@ class Animator:
         """Animate one recording block by block: what `animate` gives, in the memory of a block.
 
         Blocks have 64 frames, the last fewer. In `window` mode they come as frames become final, in
-        `exact` mode when the last frame is known.
-
-        Args:
-            audio: see `animate`.
-            style: see `animate`.
-            **options: see `facecode.options.Options`.
-
-        Raises:
-            As `animate`; GraphError while blocks are asked for.
+        others when the last frame is known. Arguments and errors as of `animate`.
         """
         refuse_unknown("blocks", options, Options)
         request, neutral, waveform = self._asked(audio, style, options, None)
+        still = self.result(request, neutral, waveform, self._still.codes, self._still.offsets)
+        if options.get("mode") == "live":
+            clip = live_clip(self._stream(request, options.get("look_ahead_ms")), still)
+            return Blocks(still, clip.n_frames, iter([clip]))
         memory = self.engine.encode(waveform)
-        still = dataclasses.replace(
-            self._still,
-            template=neutral,
-            audio=waveform,
-            styles=self._styles_of(request),
-            mode="exact" if request.window is None else "window",
-        )
         made = (
             self.result(request, neutral, waveform, codes[0], motion[0])
             for codes, motion in self.engine.blocks(memory, request)
         )
         return Blocks(still, memory.n_frames, made)
 
+    def stream(
+        self,
+        style: Style | None = None,
+        *,
+        look_ahead_ms: float | None = None,
+        vertices: bool | None = None,
+        sample: int = 0,
+    ) -> Stream:
+        """Open a stream: a face that speaks while it listens, primed with a few seconds of speech.
+
+        Args:
+            style: see `animate`; `Stream.restyle` changes it.
+            look_ahead_ms: speech after a block that its encoding hears; 200 by default.
+            vertices: whether frames have offsets; by default if there are no weights to give.
+            sample: which sample of every part, of a bundle that gives several.
+
+        Errors as of `animate`, and LookAheadError.
+        """
+        shown = not self.gives_weights if vertices is None else vertices
+        return self._stream(
+            self.request(style, {"mode": "live", "vertices": shown}), look_ahead_ms, sample
+        )
+
+    def _stream(self, request: Request, look_ahead_ms: float | None, sample: int = 0) -> Stream:
+        problem = self._problem if self.gives_weights else None
+        return Stream(Voice.of(self.engine, self.bundle, request, problem, look_ahead_ms, sample))
+
     def _asked(
         self, audio: AudioSource, style: Style | None, options: Options, samples: Samples | None
     ) -> tuple[Request, Template, Audio]:
         """What to generate, the neutral face, and the speech at the bundle's rate."""
         hold, progress = options.get("hold"), options.get("progress", False)
+        if options.get("mode") == "live" or options.get("look_ahead_ms") is not None:
+            refuse_in_live(options, samples, hold)
         request = self.request(style, options, samples, hold, progress)
         template = options.get("template")
         neutral = self._still.template if template is None else self.bundle.neutral(template)
@@ -162,10 +183,9 @@ class Animator:
         """The request for speech beyond LONGEST_EXACT_S: another one in mode `auto`.
 
         The cost of `exact` grows with the square of the clip: 15 s of speech take the packaged
-        model twice as long as `window`, a minute takes it thirteen times as long.
+        model twice as long as `window`, a minute thirteen times.
         """
-        is_auto = options.get("mode") in (None, "auto") and "window" in self.manifest.modes
-        if not is_auto:
+        if options.get("mode") not in (None, "auto") or "window" not in self.manifest.modes:
             return request
         return dataclasses.replace(request, window=self.window("window", options.get("window")))
 
@@ -177,11 +197,7 @@ class Animator:
         hold: Held | None = None,
         progress: bool = False,
     ) -> Request:
-        """What to generate, checked against the bundle.
-
-        Raises:
-            StyleError, ModeError, SampleError, CodesError, NoRigError.
-        """
+        """What to generate, checked against the bundle; errors as of `animate`."""
         frames, mode = options.get("window"), options.get("mode")
         if mode in (None, "auto"):
             mode = "exact" if frames is None else "window"
@@ -191,8 +207,12 @@ class Animator:
         return self.engine.request(weights, window, samples, hold, vertices, progress)
 
     def window(self, mode: str | None, frames: int | None) -> Window | None:
-        """How `mode` decodes, the bundle's choices by default; ModeError if it cannot."""
-        return window_of(mode, frames, self.manifest.modes, self.engine.smallest_window)
+        """How `mode` decodes, the bundle's choices by default; ModeError if it cannot.
+
+        A stream shows a frame early; see docs/live.md.
+        """
+        find = live_window if mode == "live" else partial(window_of, mode)
+        return find(frames, self.manifest.modes, self.engine.smallest_window)
 
     def result(
         self, request: Request, neutral: Template, waveform: Audio, codes: Codes, motion: AnyArray
@@ -204,20 +224,17 @@ class Animator:
         offsets, weights = motion, None
         if not request.vertices:
             offsets, weights = np.empty((len(codes), 0, 3), np.float32), self._problem.solve(motion)
+        mix = zip(self.styles, request.weights, strict=True)
         return dataclasses.replace(
             self._still,
             offsets=offsets,
             codes=codes,
             template=neutral,
             audio=waveform,
-            styles=self._styles_of(request),
+            styles={name: float(weight) for name, weight in mix if weight},
             mode="exact" if request.window is None else "window",
             known_weights=weights,
         )
-
-    def _styles_of(self, request: Request) -> dict[str, float]:
-        mix = zip(self.styles, request.weights, strict=True)
-        return {name: float(weight) for name, weight in mix if weight}
 
     @cached_property
     def _problem(self) -> WeightProblem:
@@ -225,10 +242,6 @@ class Animator:
         return WeightProblem.of(self.bundle.rig.deltas)
 
     def decode(self, codes: Codes) -> Offsets:
-        """Codes (T, H) of a clip, or (B, T, H) of several, to offsets (T, V, 3) or (B, T, V, 3).
-
-        Raises:
-            CodesError: another H, or codes outside the codebook.
-        """
+        """Codes (T, H), or (B, T, H), to offsets (T, V, 3), or (B, T, V, 3); CodesError."""
         array = np.asarray(codes)
         return self.engine.decode(array) if array.ndim != 2 else self.engine.decode(array[None])[0]

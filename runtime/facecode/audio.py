@@ -57,7 +57,7 @@ def load_audio(source: AudioSource, rate: int, array_rate: int | None = None) ->
         AudioWarning: channels of opposite phase, which cancel each other.
     """
     if isinstance(source, np.ndarray):
-        source_rate, blocks = array_rate or rate, iter([_as_float(source)])
+        source_rate, blocks = array_rate or rate, iter([as_float(source)])
     else:
         source_rate, blocks = _read(source, BLOCK)
     mono = _joined(_resampled(_mixed(blocks), source_rate, rate))
@@ -137,7 +137,7 @@ def _read(source: str | os.PathLike[str] | BinaryIO, n: int) -> tuple[int, Itera
     return int(sound.samplerate), _blocks(sound, n, name)
 
 
-def _as_float(samples: AnyArray) -> AnyArray:
+def as_float(samples: AnyArray) -> AnyArray:
     """An array (n,) or (n, n_channels) of samples as float32 in [-1, 1].
 
     Raises:

@@ -1,4 +1,4 @@
-"""Everything that facecode raises on purpose.
+"""Everything that facecode raises on purpose. Messages say: got, expected, what to do next.
 
 FacecodeError
   AudioError (ValueError)
@@ -21,26 +21,22 @@ FacecodeError
   ThreadsError (ValueError)            a number of threads that no graph gets
   ProviderError (RuntimeError)         an execution provider that is not there or does not start
   ModeError (ValueError)      unknown mode, or invalid window size
+  StreamError
+    LookAheadError, StreamRateError (ValueError)
+    StreamEndedError (RuntimeError)    speech after the end of a stream
   SampleError (ValueError)    samples that the bundle does not give
   CodesError (ValueError)     codes outside the codebook, or of another shape
     NoCodesError              codes of a system that has none
   ClipFileError (ValueError)  an .npz that holds no clip of ours
   ClipNotFoundError (FileNotFoundError)
   OutputError
-    OutputSuffixError (ValueError)
+    OutputSuffixError, NoFacesError, NoRigError, NoVerticesError, TakenBlocksError, EmptyClipError,
+    UnitNamesError (ValueError)
     OutputFolderError (FileNotFoundError)
     OutputWriteError (OSError)         disk full, no permission
-    NoFacesError (ValueError)          a surface of a face whose triangles are not known
-    NoRigError (ValueError)            weights of a face whose units are not known
-    NoVerticesError (ValueError)       vertices of a clip of weights alone
-    TakenBlocksError (ValueError)      blocks of which some were taken before
-    EmptyClipError (ValueError)        motion of a clip without a frame
-    UnitNamesError (ValueError)        units that the format does not know
   OntoError (ValueError)      an avatar that cannot be read, or has no unit of ours
   AvatarNotFoundError (FileNotFoundError)
   MissingExtraError (ImportError)      an optional dependency is not installed
-
-Messages say what was got, what was expected and what to do next.
 """
 
 from __future__ import annotations
@@ -139,6 +135,22 @@ class ProviderError(FacecodeError, RuntimeError):
 
 class ModeError(FacecodeError, ValueError):
     """Unknown mode, or a window that does not fit it."""
+
+
+class StreamError(FacecodeError):
+    """The stream cannot take this."""
+
+
+class LookAheadError(StreamError, ValueError):
+    """A look-ahead that no stream has."""
+
+
+class StreamEndedError(StreamError, RuntimeError):
+    """Speech after the end of a stream."""
+
+
+class StreamRateError(StreamError, ValueError):
+    """Another sample rate in mid-stream."""
 
 
 class SampleError(FacecodeError, ValueError):

@@ -41,3 +41,33 @@ class Level:
         """The clip, or a piece of it, normalised."""
         normalised: Audio = ((audio - self.mean) / self.deviation).astype(np.float32)
         return normalised
+
+
+@dataclass(frozen=True)
+class RunningLevel:
+    """The level of a clip that is still spoken; what it gives depends on the order of pieces."""
+
+    n_samples: int
+    total: float
+    squares: float
+
+    @classmethod
+    def of(cls, audio: Audio) -> RunningLevel:
+        """Begin with a piece (n_samples,)."""
+        return cls(0, 0.0, 0.0).with_more(audio)
+
+    def with_more(self, audio: Audio) -> RunningLevel:
+        """The level with a piece that follows."""
+        wide = audio.astype(np.float64)
+        return RunningLevel(
+            self.n_samples + len(audio),
+            self.total + float(wide.sum()),
+            self.squares + float(np.square(wide).sum()),
+        )
+
+    @property
+    def now(self) -> Level:
+        """The level of all pieces so far."""
+        mean = self.total / self.n_samples
+        variance = max(0.0, self.squares / self.n_samples - mean * mean)
+        return Level(np.float64(mean), np.sqrt(np.float64(variance) + 1e-7))

@@ -12,6 +12,7 @@ from facecode.animator import LONGEST_EXACT_S, Animator
 from facecode.arrays import Audio, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.errors import FacecodeError
+from facecode.live.clip import refuse_in_live
 from facecode.loading import load
 from facecode.loop.request import Request, refuse_unknown
 from facecode.options import BatchOptions, Style
@@ -43,8 +44,7 @@ def animate_many(
         style: for all; see `Animator.animate`.
         face: a loaded bundle; the packaged one by default.
         batch_size: clips at once; memory grows with it.
-        **options: `mode`, `window`, `template`, `sample_rate`; see
-            `facecode.options.BatchOptions`.
+        **options: see `facecode.options.BatchOptions`.
 
     Yields:
         For each source, in order, its animation, or the error that it met: one bad file does not
@@ -55,12 +55,26 @@ def animate_many(
         ValueError: a batch size below 1.
     """
     refuse_unknown("animate_many", options, BatchOptions)
+    refuse_in_live(options)
     if batch_size < 1:
         raise ValueError(f"got batches of {batch_size} clips; expected at least 1")
     face = load() if face is None else face
     request, neutral = face.request(style, options), face.bundle.neutral(options.get("template"))
+    if options.get("mode") == "live":
+        return _one_by_one(face, sources, style, options)
     encoded = (_encode(face, source, options.get("sample_rate")) for source in sources)
     return _batches(encoded, _Batch(face, request, options, neutral), batch_size)
+
+
+def _one_by_one(
+    face: Animator, sources: Iterable[AudioSource], style: Style | None, options: BatchOptions
+) -> Iterator[Animation | FacecodeError]:
+    """A stream each: what it encodes is not the whole speech."""
+    for source in sources:
+        try:
+            yield face.animate(source, style, **options)
+        except FacecodeError as error:
+            yield error
 
 
 def _batches(

@@ -9,8 +9,8 @@ from facecode.arrays import AnyArray
 from facecode.clip import Clip
 from facecode.template import TemplateSource
 
-Mode: TypeAlias = Literal["auto", "exact", "window"]
-MODES: tuple[Mode, ...] = ("auto", "exact", "window")
+Mode: TypeAlias = Literal["auto", "exact", "window", "live"]
+MODES: tuple[Mode, ...] = ("auto", "exact", "window", "live")
 Style: TypeAlias = "str | Mapping[str, float]"
 """A style's name, or a mix {name: weight}."""
 Samples: TypeAlias = "int | Mapping[str, int]"
@@ -24,7 +24,8 @@ class BatchOptions(TypedDict, total=False):
 
     mode: Mode
     """`exact` gives the trained system's codes; `window` costs the same at every frame; `auto`, the
-    default, is `exact` up to 15 s of speech and `window` beyond."""
+    default, is `exact` up to 15 s of speech and `window` beyond. `live` gives, of one recording,
+    what a stream of it gives."""
     window: int | None
     """Frames that `window` decodes at a step, 3 or more; the bundle's choice by default."""
     template: TemplateSource | None
@@ -34,6 +35,8 @@ class BatchOptions(TypedDict, total=False):
     """Of audio arrays, in Hz; the bundle's rate by default."""
     vertices: bool
     """False: weights of the rig's units alone, without forming a vertex; True by default."""
+    look_ahead_ms: float | None
+    """Speech after a frame's block that mode `live` hears, 100 or more; 200 by default."""
 
 
 class Options(BatchOptions, total=False):

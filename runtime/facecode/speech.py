@@ -79,9 +79,24 @@ class SpeechEncoder:
 
     def window(self, clip: LevelledAudio, start: int, stop: int) -> WholeMemory:
         """Samples `start` to `stop` in one pass."""
+        return self.memory(clip.waveform[start:stop], clip.level)
+
+    def memory(self, waveform: Audio, level: Level | None) -> WholeMemory:
+        """A piece of a waveform in one pass, normalised by `level`; None: as it is."""
+        piece = waveform if level is None else level.apply(waveform)
         names = [t.name for t in self._manifest.speech_encoder.outputs]
-        outputs = self.graph.run(names, audio=clip.cut(start, stop)[None])
+        outputs = self.graph.run(names, audio=piece[None])
         return WholeMemory(dict(zip(names, outputs, strict=True)))
+
+    @property
+    def normalises(self) -> bool:
+        """Whether the waveform is normalised by its level."""
+        return self._manifest.normalise_audio
+
+    @property
+    def min_samples(self) -> int:
+        """Samples that give one frame."""
+        return self._manifest.min_samples
 
 
 @dataclass(frozen=True)
@@ -91,11 +106,6 @@ class LevelledAudio:
     waveform: Audio
     level: Level | None
     rate: int
-
-    def cut(self, start: int, stop: int) -> Audio:
-        """Samples as the encoder wants them."""
-        piece = self.waveform[start:stop]
-        return piece if self.level is None else self.level.apply(piece)
 
 
 def require_one_frame(audio: Audio, rate: int, min_samples: int) -> None:

@@ -17,6 +17,7 @@ from facecode.cli.options import (
     Commands,
     add_bundle,
     add_compute,
+    add_look_ahead,
     add_mode,
     add_quiet,
     add_style,
@@ -43,6 +44,7 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     add_style(animate)
     _add_samples(animate)
     add_mode(animate, "auto")
+    add_look_ahead(animate)
     add_compute(animate)
     add_quiet(animate)
     return animate
@@ -136,6 +138,7 @@ def _animate_one(args: argparse.Namespace, source: str) -> None:
     options: Options = {
         "mode": args.mode,
         "window": args.window,
+        "look_ahead_ms": args.look_ahead,
         "template": args.template,
         "hold": hold,
         "vertices": not face.gives_weights or any(found.needs_vertices for found in formats),

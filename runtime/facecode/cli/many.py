@@ -42,6 +42,7 @@ def run_many(args: argparse.Namespace) -> int:
         face=face,
         mode=args.mode,
         window=args.window,
+        look_ahead_ms=args.look_ahead,
         template=args.template,
     )
     bar = tqdm(clips, total=len(outputs), desc="animate", unit="clip", disable=args.quiet)

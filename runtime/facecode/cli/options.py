@@ -32,10 +32,12 @@ def positive(kind: type[int] | type[float]) -> Callable[[str], Any]:
 
 def add_mode(parser: argparse.ArgumentParser, default: Mode = "exact") -> None:
     """`--mode` and `--window`."""
-    auto = "; auto: exact up to 15 s of speech, window beyond" if default == "auto" else ""
+    auto = ""
+    if default == "auto":
+        auto = "; auto: exact up to 15 s of speech, window beyond; live: what a stream gives"
     parser.add_argument(
         "--mode",
-        choices=[mode for mode in MODES if mode != "auto" or auto],
+        choices=[mode for mode in MODES if mode in ("exact", "window") or auto],
         default=default,
         help="exact: the trained system's codes, cost per frame grows with the clip; window: flat "
         f"cost per frame, any length, codes may differ{auto} (default: {default})",
@@ -46,6 +48,16 @@ def add_mode(parser: argparse.ArgumentParser, default: Mode = "exact") -> None:
         metavar="W",
         help="frames decoded at a step, with --mode window (default: the bundle's choice), as in "
         "--mode window --window 8",
+    )
+
+
+def add_look_ahead(parser: argparse.ArgumentParser) -> None:
+    """`--look-ahead`."""
+    parser.add_argument(
+        "--look-ahead",
+        type=positive(float),
+        metavar="MS",
+        help="speech that a stream hears after a block, as in --look-ahead 400 (default: 200)",
     )
 
 

@@ -77,14 +77,23 @@ class DecoderStep:
             longest_past: frames that self-attention looks back at most; None: all.
         """
         n_rows = len(weights) * len(heads)
-        self._part, self._memories, self._n_rows = part, memories, len(heads)
-        self._weights = np.repeat(weights, len(heads), axis=0)
+        self._part, self._memories, self._n_heads = part, memories, len(heads)
+        self.restyle(weights)
         self._heads = np.tile(heads, len(weights))
         self._cache = KeyValueCache(part.n_layers, n_rows, part.dim, part.n_heads, longest_past)
 
     def rows(self, n_clips: int) -> int:
         """Batch rows of the first `n_clips` clips."""
-        return n_clips * self._n_rows
+        return n_clips * self._n_heads
+
+    @property
+    def n_rows(self) -> int:
+        """Batch rows of all clips."""
+        return len(self._weights)
+
+    def restyle(self, weights: Float32) -> None:
+        """Take style weights (n_clips, n_styles) for the frames to come."""
+        self._weights = np.repeat(weights, self._n_heads, axis=0)
 
     def run(
         self,

@@ -17,6 +17,7 @@ from facecode.loop.part import HEAD_CHUNK, Part, check_codes, offsets_of, produc
 from facecode.loop.request import Request, Window, request_of
 from facecode.loop.step import (
     Frame,
+    PartLoop,
     run_loop,
     with_bar,
 )
@@ -35,11 +36,7 @@ class Engine:
 
     @classmethod
     def open(cls, bundle: Bundle, compute: Compute) -> Engine:
-        """Load the graphs of a verified bundle.
-
-        Raises:
-            GraphError, ManifestError, ProviderError.
-        """
+        """Load the graphs of a verified bundle; GraphError, ManifestError, ProviderError."""
         m = bundle.manifest
         encoder = Graph(bundle.path(m.speech_encoder.path), m.speech_encoder, compute)
         parts = tuple(Part.open(bundle, part, compute) for part in m.parts)
@@ -82,9 +79,12 @@ class Engine:
             CodesError: held codes of another length.
             ModeError: held codes, and several clips.
         """
-        lengths = [memory.n_frames for memory in memories]
-        loops = [loop_of(part, memories, request) for part in self.parts]
-        return run_loop(self.parts, loops, lengths)
+        loops = self.loops(memories, request)
+        return run_loop(self.parts, loops, [memory.n_frames for memory in memories])
+
+    def loops(self, memories: Sequence[Memory], request: Request) -> list[PartLoop]:
+        """The loops of all parts, at frame 0; see `frames` for errors."""
+        return [loop_of(part, memories, request) for part in self.parts]
 
     def move(self, memories: Sequence[Memory], request: Request) -> list[tuple[Codes, AnyArray]]:
         """Codes (K, T, H) and offsets (K, T, V, 3) of each clip, K faces a clip; see `frames`.

@@ -9,11 +9,12 @@ import numpy as np
 from facecode.errors import ModeError
 from facecode.loop.decoder_step import DecoderStep
 from facecode.loop.exact import PrefixMotion
+from facecode.loop.held import HeldPart
 from facecode.loop.offsets import OffsetsPart
 from facecode.loop.part import Part, check_codes
 from facecode.loop.request import Request
-from facecode.loop.step import GeneratedPart, HeldPart, MotionState, PartLoop
-from facecode.loop.window import WindowMotion
+from facecode.loop.step import GeneratedPart, MotionState, PartLoop
+from facecode.loop.window import LONGEST_PAST, WindowMotion
 from facecode.speech import Memory
 
 
@@ -29,7 +30,8 @@ def loop_of(part: Part, memories: Sequence[Memory], request: Request) -> PartLoo
     heads = request.heads[part.name]
     weights = np.broadcast_to(request.weights, (len(memories), part.n_styles))
     if part.codebook is None:
-        return OffsetsPart(DecoderStep(part, memories, weights, heads))
+        longest_past = None if request.window is None else LONGEST_PAST
+        return OffsetsPart(DecoderStep(part, memories, weights, heads, longest_past))
     motion = _motion(part, len(memories) * len(heads), request)
     step = DecoderStep(part, memories, weights, heads, motion.longest_past)
     return GeneratedPart(part.codebook, step, motion)

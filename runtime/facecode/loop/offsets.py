@@ -32,6 +32,13 @@ class OffsetsPart:
         self._final.append((slice(0, n), hidden[:, None]))
         return np.empty((n, 0), np.int64)
 
+    def settle(self) -> None:
+        """See `PartLoop`: the step gives what is fed back."""
+
+    def restyle(self, weights: Float32) -> None:
+        """See `PartLoop`."""
+        self._decoder.restyle(weights)
+
     def finish(self) -> None:
         """See `PartLoop`: every frame is final already."""
 

@@ -36,8 +36,14 @@ class PartLoop(Protocol):
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:
         """Codes (rows, H) of frame `step` for the rows of the first `n_clips` clips."""
 
+    def settle(self) -> None:
+        """Feed the newest motion back now, not at the next frame: a stream does not wait for it."""
+
+    def restyle(self, weights: Float32) -> None:
+        """Take style weights (n_clips, n_styles) for the frames to come."""
+
     def finish(self) -> None:
-        """Make the last frames final: no frame follows."""
+        """Make the last frames final: no frame follows, or not soon."""
 
     def take_final(self) -> list[Final]:
         """The hidden frames that have become final since the last call."""
@@ -68,14 +74,26 @@ class GeneratedPart:
 
     def __init__(self, codebook: Codebook, decoder: DecoderStep, motion: MotionState) -> None:
         self._codebook, self._decoder, self._motion = codebook, decoder, motion
+        self._fed_back: Float32 | None = None
 
     def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:
         """See `PartLoop`."""
-        motion = self._motion.feed_back(self._decoder.rows(n_clips)) if step else None
+        motion = self._fed_back
+        if step and motion is None:
+            motion = self._motion.feed_back(self._decoder.rows(n_clips))
+        self._fed_back = None
         (features,) = self._decoder.run(("features",), step, n_clips, motion, conditions)
         codes = self._codebook.nearest(features)
         self._motion.append(self._codebook.look_up(codes))
         return codes
+
+    def settle(self) -> None:
+        """See `PartLoop`."""
+        self._fed_back = self._motion.feed_back(self._decoder.n_rows)
+
+    def restyle(self, weights: Float32) -> None:
+        """See `PartLoop`."""
+        self._decoder.restyle(weights)
 
     def finish(self) -> None:
         """See `PartLoop`."""
@@ -86,25 +104,18 @@ class GeneratedPart:
         return self._motion.take_final()
 
 
-class HeldPart:
-    """A part whose codes are given: (n_clips, T, H), one row a clip. All frames are final."""
-
-    def __init__(self, part: Part, codes: Codes) -> None:
-        self._part, self._codes, self._given = part, codes, False
-
-    def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:  # noqa: ARG002
-        """See `PartLoop`."""
-        return self._codes[:n_clips, step]
-
-    def finish(self) -> None:
-        """See `PartLoop`."""
-
-    def take_final(self) -> list[Final]:
-        """See `PartLoop`: the clip is decoded as a whole, at the first frame."""
-        if self._given:
-            return []
-        self._given = True
-        return [(slice(0, len(self._codes)), self._part.hidden_of(self._codes))]
+def run_step(
+    parts: Sequence[Part], loops: Sequence[PartLoop], step: int, n_clips: int
+) -> tuple[Codes, ...]:
+    """Codes (n_clips, rows, H) of each part for one frame of the first `n_clips` clips."""
+    vectors: dict[str, Vectors] = {}
+    codes = []
+    for part, loop in zip(parts, loops, strict=True):
+        rows = loop.step(step, n_clips, vectors)
+        if part.codebook is not None:
+            vectors[part.name] = part.codebook.look_up(rows)
+        codes.append(rows.reshape(n_clips, len(rows) // n_clips, rows.shape[-1]))
+    return tuple(codes)
 
 
 def run_loop(
@@ -118,15 +129,8 @@ def run_loop(
         lengths: frames of each clip, falling.
     """
     for step in range(lengths[0]):
-        n_clips = sum(length > step for length in lengths)
-        vectors: dict[str, Vectors] = {}
-        codes = []
-        for part, loop in zip(parts, loops, strict=True):
-            rows = loop.step(step, n_clips, vectors)
-            if part.codebook is not None:
-                vectors[part.name] = part.codebook.look_up(rows)
-            codes.append(rows.reshape(n_clips, len(rows) // n_clips, rows.shape[-1]))
-        yield Frame(tuple(codes), tuple(loop.take_final() for loop in loops))
+        codes = run_step(parts, loops, step, sum(length > step for length in lengths))
+        yield Frame(codes, tuple(loop.take_final() for loop in loops))
     for loop in loops:
         loop.finish()
     yield Frame((), tuple(loop.take_final() for loop in loops))

@@ -6,6 +6,7 @@ A step decodes the newest frames, whose convolution still changes, over a past o
 - keys and values of up to PAST_SLOTS earlier frames, thinned evenly when there are more, of which
   the window's other frames are decoded again in turn, since they grow stale;
 - one frame `delay` frames back, which is final then: it has `delay` frames of future context.
+  A `delay` of less than the convolution reaches gives a frame before its convolution is final.
 
 A clip of up to W frames comes out as in `exact`: nothing is thinned, and every frame is decoded
 again at every step. What longer clips deviate by is measured at export; see docs/performance.md.
@@ -64,13 +65,16 @@ class WindowMotion:
             n_rows: batch rows.
             vector_shape: (H, C).
             window: frames decoded at a step.
-            delay: frames that follow a frame before it is final; `window` at least.
+            delay: frames that follow a frame before it is final; `window` at least, or fewer than
+                the convolution reaches ahead.
         """
         self._decoder = decoder
         self._final: list[Final] = []
         self._n_rows = n_rows
         self._n_newest = decoder.n_newest
         self._n_revisited = window - self._n_newest
+        self._early = delay if delay < self._n_newest else None
+        self._n_given = 0
         self._delay = max(delay, window)
         n_slots = max(PAST_SLOTS, window)
         self._past = ThinnedPast(n_slots)
@@ -96,14 +100,15 @@ class WindowMotion:
             self._finish(slice(n, self._n_rows))
             self._n_rows = n
         newest = self._n_frames - 1
-        due = [newest - self._delay] if newest >= self._delay else []
+        due = [newest - self._delay] if newest >= self._delay and self._early is None else []
         decoded = self._decode(slice(0, n), due, last=False)
         self._past.advance(decoded.slots)
         self._store(decoded.slots, decoded.keys, decoded.values)
         if decoded.activations.shape[1] == self._n_newest:
             self._retire(newest - self._n_newest + 1, decoded)
-        if due:
+        if decoded.hidden.shape[1]:
             self._final.append((slice(0, n), decoded.hidden))
+            self._n_given += decoded.hidden.shape[1]
         return decoded.feedback
 
     def finish(self) -> None:
@@ -117,8 +122,12 @@ class WindowMotion:
 
     def _finish(self, rows: slice) -> None:
         newest = self._n_frames - 1
+        if self._early is not None and self._n_given == self._n_frames:
+            return
         due = range(max(0, newest - self._delay), max(0, newest - self._n_newest + 1))
-        self._final.append((rows, self._decode(rows, list(due), last=True).hidden))
+        known = [] if self._early is not None else list(due)
+        self._final.append((rows, self._decode(rows, known, last=True).hidden))
+        self._n_given = self._n_frames
 
     def _decode(self, rows: slice, due: list[int], last: bool) -> _Decoded:
         start = max(0, self._vectors.shape[1] - self._n_newest)
@@ -128,8 +137,8 @@ class WindowMotion:
         waiting = self._waiting[rows][:, [f % self._delay for f in due]]
         revisited = np.concatenate([self._kept[rows][:, slots], waiting], axis=1)
         n_revisited = revisited.shape[1]
-        final = np.arange(len(slots), n_revisited + (new.shape[1] if last else 0))
         newest = n_revisited + new.shape[1] - 1
+        final = self._final_of(len(slots), n_revisited, newest, last)
         log_weights = self._past.log_weights()
         own = np.concatenate([log_weights[slots], np.full(len(due), -np.inf, np.float32)])
         log_weights[slots] = -np.inf
@@ -147,6 +156,15 @@ class WindowMotion:
             **self._decoder.past_inputs(self._keys[:, rows], self._values[:, rows]),
         )
         return _Decoded(feedback, hidden[:, : len(final)], activations, keys, values, slots)
+
+    def _final_of(
+        self, n_slots: int, n_revisited: int, newest: int, last: bool
+    ) -> NDArray[np.int64]:
+        """Places among the decoded frames of those that are final."""
+        if self._early is None:
+            return np.arange(n_slots, newest + 1 if last else n_revisited)
+        first_given = newest - (self._n_frames - 1 - self._n_given)
+        return np.arange(first_given, newest + 1 if last else newest - self._early + 1)
 
     def _store(self, slots: NDArray[np.int64], keys: AnyArray, values: AnyArray) -> None:
         """Fresh keys and values (layers, rows, heads, n, width) into their slots."""

@@ -6,9 +6,10 @@ from conftest import SPEECH
 
 from facecode.audio import load_audio
 from facecode.errors import ModeError
+from facecode.loop.held import HeldPart
 from facecode.loop.loops import loop_of
 from facecode.loop.offsets import OffsetsPart
-from facecode.loop.step import GeneratedPart, HeldPart
+from facecode.loop.step import GeneratedPart
 
 
 def test_by_kind_and_by_what_is_held(tiny, tiny_faceformer):

@@ -8,6 +8,7 @@ import facecode
 from facecode.audio import load_audio
 from facecode.errors import ManifestError, ModeError, NoCodesError, SampleError
 from facecode.loop.step import Frame
+from facecode.loop.window import LONGEST_PAST
 
 LENGTHS_S = (1.3, 0.2, 2.04, 0.77, 0.2)
 
@@ -94,6 +95,35 @@ def test_auto_is_exact_at_any_length(tiny_faceformer, length):
     clip = tiny_faceformer.animate(speech, mode="auto")
     assert clip.mode == "exact"
     assert len(clip.offsets) == {1.0: 29, 20.0: 599}[length]
+
+
+def test_a_stream_gives_what_mode_live_gives(tiny_faceformer, recordings):
+    speech = np.concatenate(recordings)
+    clip = tiny_faceformer.animate(speech, "b", mode="live")
+    stream = tiny_faceformer.stream("b", vertices=True)
+    assert stream.latency_ms == 300  # 200 ahead and a block; no frame waits for another
+    frames = [f for start in range(0, len(speech), 777) for f in stream.feed(speech[start:][:777])]
+    frames += stream.finish()
+    assert (clip.mode, clip.codes.shape) == ("live", (len(frames), 0))
+    np.testing.assert_array_equal(clip.offsets, np.stack([f.offsets for f in frames]))
+    np.testing.assert_array_equal(clip.weights, np.stack([f.weights for f in frames]))
+    exact = tiny_faceformer.animate(speech, "b")
+    assert len(exact.offsets) == len(clip.offsets)
+    restyled = tiny_faceformer.stream("b", vertices=True)
+    restyled.restyle("c", 0)
+    changed = restyled.feed(speech)
+    assert np.abs(changed[20].offsets - clip.offsets[20]).max() > 1e-3
+
+
+def test_a_stream_looks_back_a_fixed_number_of_frames(tiny_faceformer):
+    loop = tiny_faceformer.engine.loops(
+        [tiny_faceformer.engine.encode(np.resize(load_audio(SPEECH, 16_000), 22 * 16_000))],
+        tiny_faceformer.engine.request(window=tiny_faceformer.window("live", None)),
+    )[0]
+    for step in range(LONGEST_PAST + 20):
+        loop.step(step, 1, {})
+    past = loop._decoder._cache.inputs(1)["past_keys_0"]
+    assert past.shape[2] == LONGEST_PAST
 
 
 def test_weights_without_vertices(tiny_faceformer):

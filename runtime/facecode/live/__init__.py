@@ -1,0 +1,1 @@
+"""Speech as it is spoken: frames within a stated time."""

@@ -1,0 +1,36 @@
+"""A part whose codes are given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from facecode.arrays import Codes, Float32, Vectors
+from facecode.loop.part import Part
+from facecode.loop.step import Final
+
+
+class HeldPart:
+    """A part whose codes are given: (n_clips, T, H), one row a clip. All frames are final."""
+
+    def __init__(self, part: Part, codes: Codes) -> None:
+        self._part, self._codes, self._given = part, codes, False
+
+    def step(self, step: int, n_clips: int, conditions: Mapping[str, Vectors]) -> Codes:  # noqa: ARG002
+        """See `PartLoop`."""
+        return self._codes[:n_clips, step]
+
+    def settle(self) -> None:
+        """See `PartLoop`."""
+
+    def restyle(self, weights: Float32) -> None:
+        """See `PartLoop`."""
+
+    def finish(self) -> None:
+        """See `PartLoop`."""
+
+    def take_final(self) -> list[Final]:
+        """See `PartLoop`: the clip is decoded as a whole, at the first frame."""
+        if self._given:
+            return []
+        self._given = True
+        return [(slice(0, len(self._codes)), self._part.hidden_of(self._codes))]
