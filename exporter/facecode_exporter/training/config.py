@@ -18,7 +18,7 @@ CONFIG_FILE = "config.json"
 class TrainingConfig:
     """Defaults are the paper's (section 4.1), or the public code's where it is silent."""
 
-    stage: Literal["stage1", "stage2", "cdface"]
+    stage: Literal["stage1", "stage2", "cdface", "faceformer"]
     system: str
     data: str
     epochs: int
@@ -51,6 +51,10 @@ class TrainingConfig:
     closed_weight: float = 1.0
     """Stage 2: how many times a frame counts in which the true mouth is closed. Not in the paper;
     short closures are few frames, and a mean over all leaves them half open."""
+    teacher_forcing: bool = False
+    """FaceFormer: it sees the true past in place of its own."""
+    decoder_dropout: float = 0.0
+    """FaceFormer: share dropped, in training, of the tokens and within the decoder's layer."""
     losses: DiverseLosses | None = None
     """cdface: weights and shapes of its terms."""
     head_spread: float = 1.5
@@ -93,6 +97,13 @@ def stage1_defaults(system: str, data: str, vocaset: bool) -> TrainingConfig:
 def stage2_defaults(system: str, data: str) -> TrainingConfig:
     """The published setting of stage 2."""
     return TrainingConfig(stage="stage2", system=system, data=data, epochs=100)
+
+
+def faceformer_defaults(system: str, data: str) -> TrainingConfig:
+    """The published setting of FaceFormer."""
+    return TrainingConfig(
+        stage="faceformer", system=system, data=data, epochs=100, decoder_dropout=0.1
+    )
 
 
 def cdface_defaults(system: str, data: str, part: str, vocaset: bool) -> TrainingConfig:

@@ -14,10 +14,13 @@ from torch import nn
 
 from facecode_exporter.checkpoints import load_stage1, save_stage1, save_stage2
 from facecode_exporter.data.clips import Clips
+from facecode_exporter.faceformer_checkpoint import save_faceformer
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.codetalker import CodeTalker
+from facecode_exporter.nets.faceformer import FaceFormer
 from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
 from facecode_exporter.training.config import TrainingConfig
+from facecode_exporter.training.faceformer import FaceFormerStage
 from facecode_exporter.training.query import PartClips, QueryStage
 from facecode_exporter.training.run import train
 from facecode_exporter.training.stage1 import Stage1
@@ -25,6 +28,7 @@ from facecode_exporter.training.stage2 import Stage2
 from facecode_spec.schema import SystemSpec
 
 STAGE1_FILE, STAGE2_FILE = "stage1.pth.tar", "stage2.pth.tar"
+FACEFORMER_FILE = "faceformer.pth"
 Net = TypeVar("Net", bound=nn.Module)
 ClipPair = tuple[Clips, Clips]
 """Clips to learn from, and clips to validate on."""
@@ -80,6 +84,29 @@ def train_codetalker(
         load_speech(net.audio_encoder)
     train(Stage2(net, *clips, config), config, folder, progress)
     return net
+
+
+def train_faceformer(
+    system: SystemSpec,
+    clips: ClipPair,
+    config: TrainingConfig,
+    folder: Path,
+    load_speech: Callable[[nn.Module], object] | None = None,
+    progress: bool = False,
+) -> Path:
+    """Train FaceFormer and write its checkpoint into `folder`; arguments as of `train_codetalker`.
+
+    Raises:
+        RunError
+    """
+    net = seeded(config, lambda: FaceFormer(system))
+    nn.init.zeros_(net.vertice_map_r.weight)
+    nn.init.zeros_(net.vertice_map_r.bias)
+    if load_speech is not None:
+        load_speech(net.audio_encoder)
+    train(FaceFormerStage(net, *clips, config), config, folder, progress)
+    save_faceformer(net, folder / FACEFORMER_FILE)
+    return folder / FACEFORMER_FILE
 
 
 def train_query(
