@@ -15,7 +15,7 @@ from facecode.animator import Animator
 from facecode.arrays import Codes, Features, Float32, Template
 from facecode.audio import AudioSource, load_audio
 from facecode.loop.engine import Engine
-from facecode.loop.prior import Codebook
+from facecode.loop.part import Codebook
 from facecode.loop.request import style_weights
 from facecode.options import Style
 from facecode_exporter.errors import EvaluationError

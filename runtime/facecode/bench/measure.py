@@ -20,6 +20,7 @@ from facecode.audio import SPEECH, load_audio
 from facecode.bench.machine import cpu_name, peak_memory_mb, resident_memory_mb
 from facecode.bench.results import BenchReport, Latency
 from facecode.loop.engine import Engine, Faces, blocks
+from facecode.loop.part import MotionDecoder
 from facecode.loop.request import Request, Window
 from facecode.loop.step import Frame
 from facecode.session import Graph, onnxruntime_version
@@ -145,12 +146,16 @@ def _timed(engine: Engine) -> Engine:
             dataclasses.replace(
                 part,
                 decoder_step=TimedGraph(part.decoder_step),
-                motion=part.motion and part.motion.with_graph(TimedGraph(part.motion.graph)),
+                motion=_timed_motion(part.motion),
                 vertex_head=TimedGraph(part.vertex_head),
             )
             for part in engine.parts
         ),
     )
+
+
+def _timed_motion(motion: MotionDecoder | None) -> MotionDecoder | None:
+    return motion and dataclasses.replace(motion, graph=TimedGraph(motion.graph))
 
 
 def _summed(graphs: Sequence[Graph]) -> list[float]:

@@ -12,15 +12,15 @@ import numpy as np
 
 from facecode.arrays import AnyArray, Audio, Codes, Float32, Offsets
 from facecode.bundle import Bundle
-from facecode.loop.loops import loop_of
-from facecode.loop.part import HEAD_CHUNK, Part, check_codes, offsets_of, products_of
+from facecode.loop.codes import check_codes
+from facecode.loop.exact import PrefixMotion
+from facecode.loop.held import HeldPart
+from facecode.loop.offsets import OffsetsPart
+from facecode.loop.part import HEAD_CHUNK, Part, offsets_of, products_of
+from facecode.loop.protocols import MotionState, PartLoop
 from facecode.loop.request import Request, Window, request_of
-from facecode.loop.step import (
-    Frame,
-    PartLoop,
-    run_loop,
-    with_bar,
-)
+from facecode.loop.step import DecoderStep, Frame, GeneratedPart, run_loop, with_bar
+from facecode.loop.window import LONGEST_PAST, WindowMotion
 from facecode.options import Held, Samples
 from facecode.session import Compute, Graph
 from facecode.speech import Memory, SpeechEncoder
@@ -84,7 +84,26 @@ class Engine:
 
     def loops(self, memories: Sequence[Memory], request: Request) -> list[PartLoop]:
         """The loops of all parts, at frame 0; see `frames` for errors."""
-        return [loop_of(part, memories, request) for part in self.parts]
+        return [self._loop(part, memories, request) for part in self.parts]
+
+    def _loop(self, part: Part, memories: Sequence[Memory], request: Request) -> PartLoop:
+        if part.name in request.hold:
+            return HeldPart.of(part, request.hold[part.name], memories)
+        heads = request.heads[part.name]
+        weights = np.broadcast_to(request.weights, (len(memories), part.n_styles))
+        n_rows, window = len(memories) * len(heads), request.window
+        if part.codebook is None:
+            past = None if window is None else LONGEST_PAST
+            return OffsetsPart(DecoderStep(part, memories, weights, heads, past))
+        codebook, decoder = part.prior
+        shape = (part.codes_per_frame, codebook.rows.shape[1])
+        motion: MotionState
+        if window is None:
+            motion = PrefixMotion(decoder, n_rows, shape)
+        else:
+            motion = WindowMotion(decoder, n_rows, shape, window.frames, window.delay)
+        step = DecoderStep(part, memories, weights, heads, motion.longest_past)
+        return GeneratedPart(codebook, step, motion)
 
     def move(self, memories: Sequence[Memory], request: Request) -> list[tuple[Codes, AnyArray]]:
         """Codes (K, T, H) and offsets (K, T, V, 3) of each clip, K faces a clip; see `frames`.
@@ -126,7 +145,6 @@ class Engine:
 
         Raises:
             CodesError: another H, or codes outside the codebook.
-            NoCodesError: a system without codes.
         """
         edges = np.cumsum([part.codes_per_frame for part in self.parts])
         columns = np.split(np.asarray(codes), edges[:-1], axis=-1)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from facecode.arrays import AnyArray, Float32, Vectors
-from facecode.loop.prior import MotionDecoder
-from facecode.loop.step import Final
+from facecode.loop.part import MotionDecoder
+from facecode.loop.protocols import Final
 
 
 class PrefixMotion:

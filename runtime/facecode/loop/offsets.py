@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from facecode.arrays import Codes, Float32, Vectors
-from facecode.loop.decoder_step import DecoderStep
-from facecode.loop.step import Final
+from facecode.loop.protocols import Final
+from facecode.loop.step import DecoderStep
 
 
 class OffsetsPart:

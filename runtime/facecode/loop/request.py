@@ -13,7 +13,8 @@ import numpy as np
 from facecode.arrays import AnyArray, Codes, Float32
 from facecode.clip import Clip
 from facecode.errors import ModeError, NoRigError, SampleError, StyleError, StyleWarning
-from facecode.loop.part import Part, check_codes
+from facecode.loop.codes import check_codes
+from facecode.loop.part import Part
 from facecode.options import MODES, Held, Samples, Style
 from facecode_spec.manifest import ModeEntry
 

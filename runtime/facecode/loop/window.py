@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facecode.arrays import AnyArray, Float32, Vectors
-from facecode.loop.prior import MotionDecoder
-from facecode.loop.step import Final
+from facecode.loop.part import MotionDecoder
+from facecode.loop.protocols import Final
 from facecode.loop.thinned_past import ThinnedPast
 
 PAST_SLOTS = 128

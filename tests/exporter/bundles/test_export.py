@@ -94,7 +94,7 @@ def test_existing_bundle_is_replaced_and_other_folders_are_not(
 
 def test_a_failed_comparison_fails_the_export(checkpoints, tmp_path, monkeypatch, capsys):
     """A runtime that looks up the wrong rows: exit 1, the numbers, and no bundle."""
-    from facecode.loop.prior import Codebook
+    from facecode.loop.part import Codebook
 
     right = Codebook.look_up
     monkeypatch.setattr(Codebook, "look_up", lambda self, codes: right(self, codes - 1))

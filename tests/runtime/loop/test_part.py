@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from facecode.loop.prior import Codebook
+from facecode.loop.part import Codebook
 
 
 def test_nearest_is_the_smallest_distance():
