@@ -109,7 +109,7 @@ class Animator:
         request, neutral, waveform = self._asked(audio, style, options, samples)
         if options.get("mode") == "live":
             still = self.result(request, neutral, waveform, self._still.codes, self._still.offsets)
-            return live_clip(self._stream(request, options.get("look_ahead_ms")), still)
+            return self._live(still, request, options)
         codes, motion = self.engine.animate(waveform, request)
         faces = zip(codes, motion, strict=True)
         clips = [self.result(request, neutral, waveform, *face) for face in faces]
@@ -127,7 +127,7 @@ class Animator:
         request, neutral, waveform = self._asked(audio, style, options, None)
         still = self.result(request, neutral, waveform, self._still.codes, self._still.offsets)
         if options.get("mode") == "live":
-            clip = live_clip(self._stream(request, options.get("look_ahead_ms")), still)
+            clip = self._live(still, request, options)
             return Blocks(still, clip.n_frames, iter([clip]))
         memory = self.engine.encode(waveform)
         made = (
@@ -143,6 +143,7 @@ class Animator:
         look_ahead_ms: float | None = None,
         vertices: bool | None = None,
         sample: int = 0,
+        rest_in_quiet: bool = False,
     ) -> Stream:
         """Open a stream: a face that speaks while it listens, primed with a few seconds of speech.
 
@@ -151,17 +152,16 @@ class Animator:
             look_ahead_ms: speech after a block that its encoding hears; 200 by default.
             vertices: whether frames have offsets; by default if there are no weights to give.
             sample: which sample of every part, of a bundle that gives several.
-
-        Errors as of `animate`, and LookAheadError.
+            rest_in_quiet: draw the face to rest where nobody speaks, and let it blink.
         """
         shown = not self.gives_weights if vertices is None else vertices
-        return self._stream(
-            self.request(style, {"mode": "live", "vertices": shown}), look_ahead_ms, sample
-        )
+        request = self.request(style, {"mode": "live", "vertices": shown})
+        around = (self.engine, self.bundle, request, self._problem)
+        return Stream(Voice.of(*around, look_ahead_ms, sample, rest_in_quiet))
 
-    def _stream(self, request: Request, look_ahead_ms: float | None, sample: int = 0) -> Stream:
-        problem = self._problem if self.gives_weights else None
-        return Stream(Voice.of(self.engine, self.bundle, request, problem, look_ahead_ms, sample))
+    def _live(self, still: Animation, request: Request, options: Options) -> Animation:
+        ahead = options.get("look_ahead_ms")
+        return live_clip(Voice.of(self.engine, self.bundle, request, self._problem, ahead), still)
 
     def _asked(
         self, audio: AudioSource, style: Style | None, options: Options, samples: Samples | None
@@ -223,6 +223,7 @@ class Animator:
         """
         offsets, weights = motion, None
         if not request.vertices:
+            assert self._problem is not None, "checked by the request"
             offsets, weights = np.empty((len(codes), 0, 3), np.float32), self._problem.solve(motion)
         mix = zip(self.styles, request.weights, strict=True)
         return dataclasses.replace(
@@ -237,9 +238,8 @@ class Animator:
         )
 
     @cached_property
-    def _problem(self) -> WeightProblem:
-        assert self.bundle.rig is not None, "checked by the request"
-        return WeightProblem.of(self.bundle.rig.deltas)
+    def _problem(self) -> WeightProblem | None:
+        return WeightProblem.of(self.bundle.rig.deltas) if self.bundle.rig is not None else None
 
     def decode(self, codes: Codes) -> Offsets:
         """Codes (T, H), or (B, T, H), to offsets (T, V, 3), or (B, T, V, 3); CodesError."""

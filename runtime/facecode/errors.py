@@ -1,42 +1,8 @@
 """Everything that facecode raises on purpose. Messages say: got, expected, what to do next.
 
-FacecodeError
-  AudioError (ValueError)
-    UnreadableAudioError      not audio, or a format that libsndfile does not read
-    EmptyAudioError           no samples
-    AudioTooShortError        less than one frame of motion
-    NonFiniteAudioError       NaN or infinite samples
-  AudioNotFoundError (FileNotFoundError)
-  StyleError (ValueError)     unknown style, or invalid style weights
-  TemplateError (ValueError)  unreadable template, or another topology
-  BundleError
-    BundleNotFoundError (FileNotFoundError)
-    ManifestError (ValueError)
-      NewerBundleError        written by a later release
-    UnsafePathError (ValueError)       a path that leaves the bundle
-    MissingFileError (FileNotFoundError)
-    AlteredFileError (ValueError)      size or SHA-256 differs from the manifest
-    ExternalDataError (ValueError)     a graph that reads files the manifest does not list
-    GraphError (RuntimeError)          onnxruntime cannot load or run a graph
-  ThreadsError (ValueError)            a number of threads that no graph gets
-  ProviderError (RuntimeError)         an execution provider that is not there or does not start
-  ModeError (ValueError)      unknown mode, or invalid window size
-  StreamError
-    LookAheadError, StreamRateError (ValueError)
-    StreamEndedError (RuntimeError)    speech after the end of a stream
-  SampleError (ValueError)    samples that the bundle does not give
-  CodesError (ValueError)     codes outside the codebook, or of another shape
-    NoCodesError              codes of a system that has none
-  ClipFileError (ValueError)  an .npz that holds no clip of ours
-  ClipNotFoundError (FileNotFoundError)
-  OutputError
-    OutputSuffixError, NoFacesError, NoRigError, NoVerticesError, TakenBlocksError, EmptyClipError,
-    UnitNamesError (ValueError)
-    OutputFolderError (FileNotFoundError)
-    OutputWriteError (OSError)         disk full, no permission
-  OntoError (ValueError)      an avatar that cannot be read, or has no unit of ours
-  AvatarNotFoundError (FileNotFoundError)
-  MissingExtraError (ImportError)      an optional dependency is not installed
+Every failure has a class of its own under `FacecodeError`, which is a builtin exception too:
+ValueError for a value, FileNotFoundError for a missing file, OSError and RuntimeError for what the
+machine or a graph refuses, ImportError for a missing package.
 """
 
 from __future__ import annotations
@@ -151,6 +117,14 @@ class StreamEndedError(StreamError, RuntimeError):
 
 class StreamRateError(StreamError, ValueError):
     """Another sample rate in mid-stream."""
+
+
+class MicrophoneError(StreamError, OSError):
+    """The microphone cannot be opened, or has stopped."""
+
+
+class AddressError(StreamError, ValueError):
+    """Frames cannot be sent there."""
 
 
 class SampleError(FacecodeError, ValueError):

@@ -9,6 +9,7 @@ import numpy as np
 from facecode.animation import Animation
 from facecode.errors import AudioTooShortError, ModeError
 from facecode.live.stream import Stream
+from facecode.live.voice import Voice
 from facecode.options import BatchOptions, Held, Samples
 
 
@@ -27,13 +28,14 @@ def refuse_in_live(
         raise ModeError("mode 'live' gives one face and holds no part; leave samples and hold out")
 
 
-def live_clip(stream: Stream, still: Animation) -> Animation:
-    """All frames of the audio of `still`, which has none.
+def live_clip(voice: Voice, still: Animation) -> Animation:
+    """All frames of a stream of the audio of `still`, which has none.
 
     Raises:
         AudioTooShortError: audio of less than one frame.
     """
     assert still.audio is not None, "given by the caller"
+    stream = Stream(voice)
     frames = stream.feed(still.audio) + stream.finish()
     if not frames:
         raise AudioTooShortError(

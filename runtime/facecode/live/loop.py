@@ -25,6 +25,8 @@ class Piece:
     """(n, H)"""
     hidden: tuple[Float32, ...]
     """(1, n, E) of each part"""
+    levels: tuple[list[float], ...] = ()
+    """Of each frame; see `LiveMemory.levels`."""
 
     def __len__(self) -> int:
         return len(self.codes)
@@ -113,4 +115,6 @@ class LiveLoop:
         for waiting, each in zip(self._waiting, hidden, strict=True):
             waiting.codes, waiting.hidden = waiting.codes[n:], [each[:, n:]]
         self._shown += n
-        return Piece(self._shown - n, codes, tuple(each[:, :n] for each in hidden))
+        levels = self.memory.levels
+        shown = tuple(levels.popleft() for _ in range(min(n, len(levels))))
+        return Piece(self._shown - n, codes, tuple(each[:, :n] for each in hidden), shown)

@@ -15,25 +15,30 @@ import numpy as np
 from facecode.arrays import AnyArray, Audio
 from facecode.level import Level, RunningLevel
 from facecode.live.plan import Plan
+from facecode.live.rest import loudness_db
 from facecode.speech import SpeechEncoder, WholeMemory
+
+AHEAD = 3
+"""Frames whose level a frame is told beside its own, and frames that a level is taken over."""
 
 
 class LiveMemory:
     """The memory of the frames that have been heard and not been animated."""
 
     def __init__(self, encoder: SpeechEncoder, plan: Plan, primer: Audio) -> None:
-        """Begin as if `primer` (n_samples,) had been animated before.
+        """Begin as if `primer`, of whole seconds, had been spoken before.
 
-        Its frames are the first to come; nothing of it is heard by the windows that follow.
+        Its frames are the first to come, and the windows that follow hear it.
         """
         self._encoder, self._plan = encoder, plan
         self._level = RunningLevel.of(primer) if encoder.normalises else None
         self._frames: deque[Mapping[str, AnyArray]] = deque()
-        self._waveform = np.zeros(0, np.float32)
-        self._start = self._n_levelled = 0
-        self._coming: list[Audio] = []
-        self._n_heard = 0
-        self._next_frame = self._n_dropped = 0
+        self._waveform, self._coming = primer, list[Audio]()
+        self._n_heard = self._n_levelled = len(primer)
+        self._origin = self._next_frame = round(len(primer) / plan.rate * plan.fps)
+        self._start = self._n_dropped = 0
+        self.levels: deque[list[float]] = deque()
+        """Of each frame but the primer's, in dBFS: at the frame and at those after it, as heard."""
         primed = encoder.memory(primer, None if self._level is None else self._level.now)
         self._frames.extend(primed.frame(i) for i in range(primed.n_frames))
 
@@ -48,11 +53,6 @@ class LiveMemory:
             self._frames.popleft()
             self._n_dropped += 1
         return self._frames[0]
-
-    @property
-    def heard_s(self) -> float:
-        """Speech heard so far, in seconds."""
-        return self._n_heard / self._plan.rate
 
     def hear(self, waveform: Audio) -> Iterator[None]:
         """Take in speech (n_samples,) at the bundle's rate; stop after every block."""
@@ -80,7 +80,8 @@ class LiveMemory:
     def pad(self) -> None:
         """Close the block with silence, and encode it and those before as if silence followed."""
         plan = self._plan
-        whole = math.ceil(self._frames_heard() / plan.block) * plan.block
+        n_blocks = math.ceil((self._frames_heard() - self._origin) / plan.block)
+        whole = self._origin + n_blocks * plan.block
         silence = plan.sample(whole) - self._n_heard
         self._coming.append(np.zeros(silence, np.float32))
         self._n_heard += silence
@@ -101,7 +102,7 @@ class LiveMemory:
         if stop - start < self._encoder.min_samples or plan.sample(self._next_frame) >= stop:
             return
         rest = self._encoder.memory(self._cut(start, stop), self._level_at(stop))
-        self._take(rest, range(self._next_frame - first, rest.n_frames))
+        self._take(rest, range(self._next_frame - first, rest.n_frames), stop)
 
     def _encode_block(self, after: Audio | None = None) -> None:
         plan = self._plan
@@ -112,11 +113,19 @@ class LiveMemory:
         if after is not None:
             piece = np.concatenate([piece, after])
         at = self._next_frame - first
-        self._take(self._encoder.memory(piece, level), range(at, at + plan.block))
+        self._take(self._encoder.memory(piece, level), range(at, at + plan.block), stop)
 
-    def _take(self, memory: WholeMemory, frames: range) -> None:
+    def _take(self, memory: WholeMemory, frames: range, heard: int) -> None:
         self._frames.extend(memory.frame(i) for i in frames)
+        first = self._next_frame
+        levels = [self._loudness(first + i, heard) for i in range(len(frames) + AHEAD)]
+        self.levels.extend(levels[i : i + 1 + AHEAD] for i in range(len(frames)))
         self._next_frame += len(frames)
+
+    def _loudness(self, frame: int, heard: int) -> float:
+        """Level of the moment up to the end of `frame`, as far as was heard."""
+        start, stop = self._plan.sample(max(0, frame - AHEAD + 1)), self._plan.sample(frame + 1)
+        return loudness_db(self._waveform[start - self._start : min(stop, heard) - self._start])
 
     def _cut(self, start: int, stop: int) -> Audio:
         """Samples of the waveform; those of more than a second before `start` are forgotten."""

@@ -17,6 +17,7 @@ from facecode.live.frame import LiveFrame
 from facecode.live.intake import Intake
 from facecode.live.loop import LiveLoop, Piece
 from facecode.live.plan import Plan
+from facecode.live.rest import Blinks, RestGate
 from facecode.live.voice import Voice
 from facecode.loop.part import offsets_of, products_of
 from facecode.loop.request import style_weights
@@ -58,6 +59,8 @@ class Stream:
         self._loop = LiveLoop(voice.engine, request, voice.plan, voice.primer)
         self._weights, self._blend_left = self._target, 0
         self._intake = Intake(voice.plan.rate)
+        self._gate = RestGate(voice.plan.fps) if voice.rest_in_quiet else None
+        self._blinks = Blinks(voice.weight_names, voice.plan.fps)
         self._ended = False
         self.n_skipped = 0
 
@@ -146,6 +149,8 @@ class Stream:
         if not len(piece):
             return []
         weights, offsets = self._motion_of(piece)
+        if self._gate is not None:
+            weights, offsets = self._at_rest(piece, weights, offsets)
         return [
             LiveFrame(
                 index=(at := piece.first + i),
@@ -164,4 +169,19 @@ class Stream:
             weights = voice.problem.solve(products_of(parts, piece.hidden, 1)[0])
         if voice.n_vertices is not None:
             offsets = offsets_of(parts, piece.hidden, 1, voice.n_vertices)[0]
+        return weights, offsets
+
+    def _at_rest(
+        self, piece: Piece, weights: Float32 | None, offsets: Float32 | None
+    ) -> tuple[Float32 | None, Float32 | None]:
+        """The same motion, drawn to rest where nobody speaks, with blinks."""
+        assert self._gate is not None, "asked for"
+        rig = self._voice.rig
+        share = np.array([self._gate.next(levels) for levels in piece.levels], np.float32)
+        blinks = np.stack([self._blinks.next(float(each)) for each in share])
+        if offsets is not None:
+            moved = 0 if rig is None else np.einsum("tk,kvc->tvc", blinks, rig.deltas)
+            offsets = offsets * share[:, None, None] + moved
+        if weights is not None:
+            weights = np.minimum(weights * share[:, None] + blinks, 1)
         return weights, offsets

@@ -10,6 +10,7 @@ import numpy as np
 from facecode.arrays import Audio
 from facecode.audio import SPEECH, load_audio
 from facecode.bundle import Bundle
+from facecode.clip import Rig
 from facecode.errors import SampleError
 from facecode.live.plan import Plan
 from facecode.loop.engine import Engine
@@ -28,14 +29,21 @@ class Voice:
     request: Request
     plan: Plan
     primer: Audio
-    """Speech (n_samples,) at the bundle's rate, as if spoken before: a face that begins from
-    nothing trembles for seconds."""
+    """Speech (n_samples,) at the bundle's rate, whole seconds, as if spoken before: a face that
+    begins from nothing trembles for seconds, and an encoder that hears nothing but quiet takes it
+    for speech."""
     problem: WeightProblem | None
     """None: no weights."""
     styles: tuple[str, ...]
-    weight_names: tuple[str, ...]
+    rig: Rig | None
     n_vertices: int | None
     """None: no offsets."""
+    rest_in_quiet: bool = False
+
+    @property
+    def weight_names(self) -> tuple[str, ...]:
+        """Names (K,) of the weights; none without a rig."""
+        return () if self.rig is None or self.problem is None else self.rig.names
 
     @classmethod
     def of(
@@ -46,23 +54,25 @@ class Voice:
         problem: WeightProblem | None,
         look_ahead_ms: float | None = None,
         sample: int = 0,
+        rest_in_quiet: bool = False,
     ) -> Voice:
         """The voice of a bundle, primed with the first seconds of the packaged recording.
 
         Raises:
             LookAheadError, SampleError.
         """
-        m, rig = bundle.manifest, bundle.rig
+        m = bundle.manifest
         heads = {part.name: np.array([_head(part, sample)]) for part in engine.parts}
         return cls(
             engine=engine,
             request=dataclasses.replace(request, heads=heads),
             plan=Plan.of(m, look_ahead_ms),
             primer=load_audio(SPEECH, m.sample_rate)[: PRIMER_S * m.sample_rate],
-            problem=problem,
+            problem=problem if all(p.rig_projection is not None for p in engine.parts) else None,
             styles=m.styles,
-            weight_names=rig.names if rig is not None and problem is not None else (),
+            rig=bundle.rig,
             n_vertices=m.n_vertices if request.vertices else None,
+            rest_in_quiet=rest_in_quiet,
         )
 
 
