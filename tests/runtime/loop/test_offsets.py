@@ -137,7 +137,9 @@ def test_weights_without_vertices(tiny_faceformer):
 
 @pytest.mark.parametrize("options", [{"mode": "window"}, {"window": 8}])
 def test_there_is_one_mode(tiny_faceformer, options):
-    with pytest.raises(ModeError, match="one mode, exact: leave mode and window out"):
+    with pytest.raises(
+        ModeError, match="one mode for recordings, exact: leave mode and window out"
+    ):
         tiny_faceformer.animate(SPEECH, **options)
 
 
@@ -166,7 +168,7 @@ def test_the_command_line(run_cli, tmp_path):
     refused = run_cli("animate", SPEECH, "--bundle", TINY_FACEFORMER, "-o", "a.npz", "--mode",
                       "window")  # fmt: skip
     assert refused.returncode == 2
-    assert "one mode, exact" in refused.stderr
+    assert "one mode for recordings, exact" in refused.stderr
     assert not (tmp_path / "a.npz").exists()
     done = run_cli("animate", SPEECH, "--bundle", TINY_FACEFORMER, "-o", "a.csv", "-o", "a.glb")
     assert done.returncode == 0, done.stderr

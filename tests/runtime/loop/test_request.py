@@ -55,7 +55,7 @@ def test_window_of_a_mode():
     for mode, window in (("exact", 5), ("window", 2), ("fast", None)):
         with pytest.raises(ModeError):
             window_of(mode, window, MODES, 3)
-    with pytest.raises(ModeError, match="one mode, exact: leave mode"):
+    with pytest.raises(ModeError, match="one mode for recordings, exact: leave mode"):
         window_of("window", None, {"exact": MODES["exact"]}, 3)
 
 
