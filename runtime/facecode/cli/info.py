@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from facecode.bundle import Bundle
+from facecode.live.plan import Plan
 from facecode.session import available_providers
 from facecode_spec.manifest import ModeEntry
 from facecode_spec.plain import to_plain
@@ -29,6 +30,7 @@ def summary(bundle: Bundle) -> str:
         ("parts", ", ".join(f"{p.name} ({_count(p.n_samples)}, {p.kind})" for p in m.parts)),
         ("audio", f"{m.sample_rate:,} Hz mono"),
         *(("mode", f"{name}: {_mode(entry)}") for name, entry in m.modes.items()),
+        *((("stream", _stream(Plan.of(m))),) if "window" in m.modes else ()),
         ("styles", ", ".join(m.styles)),
         *((("identities", ", ".join(m.identities)),) if m.identities else ()),
         *((("regions", ", ".join(m.regions)),) if m.regions else ()),
@@ -63,6 +65,10 @@ def _mode(entry: ModeEntry) -> str:
         return f"look-ahead {ahead}"
     final = f"{entry.delay_frames} later" if entry.delay_frames else "at once"
     return f"look-ahead {ahead}, frames final {final}"
+
+
+def _stream(plan: Plan) -> str:
+    return f"look-ahead {plan.look_ahead_ms:.0f} ms, latency {plan.latency_ms:.0f} ms and computing"
 
 
 def _count(n_samples: int) -> str:

@@ -60,7 +60,8 @@ class Stream:
         self._weights, self._blend_left = self._target, 0
         self._intake = Intake(voice.plan.rate)
         self._gate = RestGate(voice.plan.fps) if voice.rest_in_quiet else None
-        self._blinks = Blinks(voice.weight_names, voice.plan.fps)
+        units = () if voice.rig is None else voice.rig.names
+        self._blinks = Blinks(units, voice.plan.fps)
         self._ended = False
         self.n_skipped = 0
 
