@@ -121,7 +121,8 @@ def window_of(
     mode = "exact" if mode is None else mode
     if mode in MODES and list(modes) == ["exact"] != [mode]:
         raise ModeError(
-            f"got mode {mode!r}; this bundle has one mode for recordings, exact: leave mode and window out"
+            f"got mode {mode!r}; this bundle has one mode for recordings, exact: leave mode and "
+            "window out"
         )
     if mode not in modes or mode not in MODES:
         raise ModeError(f"got mode {mode!r}; expected one of {', '.join(modes)}")
