@@ -145,6 +145,17 @@ class Manifest:
             raise SpecError("modes: expected one or more, 'window' with window and delay_frames")
         if self.lip_pair is not None and len(self.lip_pair) != 2:
             raise SpecError(f"lip_pair: expected two vertices, got {len(self.lip_pair)}")
+        self._check_conditions()
+
+    def _check_conditions(self) -> None:
+        with_codes: set[str] = set()
+        for part in self.parts:
+            if unknown := set(part.conditions_on) - with_codes:
+                raise SpecError(
+                    f"part {part.name!r} conditions on {sorted(unknown)}; expected parts of kind "
+                    "'codes' before it"
+                )
+            with_codes |= {part.name} if part.kind == "codes" else set()
 
     @property
     def graphs(self) -> tuple[GraphEntry, ...]:

@@ -2,7 +2,7 @@ import dataclasses
 import json
 
 import pytest
-from conftest import TINY
+from conftest import TINY, TINY_FACEFORMER
 
 from facecode_spec.manifest import Manifest, NewerFormatError
 from facecode_spec.plain import SpecError, from_plain, to_plain
@@ -93,6 +93,19 @@ def test_manifest_survives_json():
     manifest = Manifest.from_json(MANIFEST)
     assert Manifest.from_json(manifest.to_json()) == manifest
     assert manifest.to_json() == MANIFEST
+
+
+def test_a_part_conditions_on_codes_before_it():
+    manifest = Manifest.from_json(MANIFEST)
+    (first,) = manifest.parts
+    second = dataclasses.replace(first, name="more", conditions_on=("face",))
+    assert dataclasses.replace(manifest, parts=(first, second))
+    for parts in ((second,), (second, first)):
+        with pytest.raises(SpecError, match=r"conditions on \['face'\]; expected parts of kind"):
+            dataclasses.replace(manifest, parts=parts)
+    silent = Manifest.from_json((TINY_FACEFORMER / "manifest.json").read_text()).parts[0]
+    with pytest.raises(SpecError, match="expected parts of kind 'codes' before it"):
+        dataclasses.replace(manifest, parts=(silent, second))
 
 
 @pytest.mark.parametrize(
