@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from facecode.errors import LookAheadError
 from facecode_spec.manifest import Manifest
 
-CONTEXT_S = 2.0
+CONTEXT_S = 1.0
 """Speech before a block that its encoding hears; more hardly changes the face."""
 BLOCK_S = 0.1
 DELAY_FRAMES = 1
