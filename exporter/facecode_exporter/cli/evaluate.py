@@ -8,6 +8,7 @@ from pathlib import Path
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE
 from facecode.cli.options import Commands, add_debug, add_mode, add_quiet
+from facecode_exporter.cli import evaluate_people
 from facecode_exporter.cli import evaluate_runs as runs
 from facecode_exporter.cli.options import add_json, add_threads, count, vertex_pair
 from facecode_exporter.data.data_set import LAYOUTS
@@ -17,7 +18,14 @@ def add_parser(commands: Commands) -> None:
     """The sub-command `evaluate` with its kinds, each with `run` set."""
     evaluate = commands.add_parser("evaluate", help="score motion against truth, or lip sync")
     kinds = evaluate.add_subparsers(dest="kind", required=True)
-    for add in (_add_predictions, _add_bundle, _add_speech, _add_diversity, _add_mix):
+    for add in (
+        _add_predictions,
+        _add_bundle,
+        _add_speech,
+        _add_diversity,
+        _add_mix,
+        evaluate_people.add,
+    ):
         kind = add(kinds)
         add_json(kind)
         add_debug(kind)

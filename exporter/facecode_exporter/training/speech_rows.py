@@ -5,9 +5,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from facecode.arrays import Audio
 from facecode.level import normalise
 from facecode_exporter.data.clips import Clips
 from facecode_exporter.nets.speech import family_of, n_frames
+from facecode_exporter.training.streamed_rows import random_plan, streamed_rows, whole_seconds
 from facecode_spec.schema import SystemSpec
 
 
@@ -15,39 +17,68 @@ class SpeechRows:
     """Speech features of the clips of each split; kept, as float16, where they never change."""
 
     def __init__(
-        self, system: SystemSpec, encoder: nn.Module, splits: dict[str, Clips], trained: bool
+        self,
+        system: SystemSpec,
+        encoder: nn.Module,
+        splits: dict[str, Clips],
+        trained: bool,
+        streamed_share: float = 0.0,
     ) -> None:
-        """Freeze the encoder, or train all of it but what its family keeps frozen."""
+        """Freeze the encoder, or train all of it but what its family keeps frozen.
+
+        A `streamed_share` of the clips of split `train` is heard as a stream hears it.
+        """
         self.system, self.encoder, self.splits, self.trained = system, encoder, splits, trained
+        self.streamed_share = streamed_share
         encoder.requires_grad_(trained)
         for name, parameter in encoder.named_parameters():
             if name.startswith(family_of(system).frozen):
                 parameter.requires_grad_(False)
         self.lengths = {split: self._frames(clips) for split, clips in splits.items()}
-        self._kept: dict[tuple[str, int], Tensor] = {}
+        self._kept: dict[tuple[str, int, bool], Tensor] = {}
 
     def batch(self, split: str, group: list[tuple[int, int, int]]) -> Tensor:
         """Rows of the frames [start, start + n) of each (clip, start, n): (B, n * rows, width)."""
         rows = self.system.speech_encoder.memory_rows_per_frame
-        return torch.stack(
-            [self._clip(split, i)[start * rows : (start + n) * rows] for i, start, n in group]
-        )
+        heard = [
+            (self._clip(split, i, self._is_streamed(split)), start, n) for i, start, n in group
+        ]
+        return torch.stack([clip[start * rows : (start + n) * rows] for clip, start, n in heard])
 
-    def _clip(self, split: str, index: int) -> Tensor:
+    def _is_streamed(self, split: str) -> bool:
+        if not self.streamed_share or split != "train":
+            return False
+        return bool(torch.rand(()) < self.streamed_share)
+
+    def _clip(self, split: str, index: int, is_streamed: bool) -> Tensor:
+        encode = self._encode_streamed if is_streamed else self._encode
         if self.trained:
-            return self._encode(split, index)
-        if (split, index) not in self._kept:
+            return encode(split, index)
+        key = (split, index, is_streamed)
+        if key not in self._kept:
             self.encoder.eval()
             with torch.no_grad():
-                self._kept[split, index] = self._encode(split, index).half()
-        return self._kept[split, index].float()
+                self._kept[key] = encode(split, index).half()
+        return self._kept[key].float()
 
     def _encode(self, split: str, index: int) -> Tensor:
         audio = self.splits[split].audio(index)
-        if self.system.speech_encoder.normalise:
-            audio = normalise(audio)
+        return self._rows(normalise(audio) if self.system.speech_encoder.normalise else audio)
+
+    def _rows(self, audio: Audio) -> Tensor:
         speech: Tensor = self.encoder(torch.from_numpy(audio)[None])[0]
         return speech
+
+    def _encode_streamed(self, split: str, index: int) -> Tensor:
+        clips, spec = self.splits[split], self.system.speech_encoder
+        before = whole_seconds(clips.audio(index - 1), spec.sample_rate)
+        plan = random_plan(self.system.fps, spec.sample_rate, index)
+        per_frame = spec.memory_rows_per_frame
+        rows = streamed_rows(
+            self._rows, clips.audio(index), before, plan, per_frame, spec.normalise
+        )
+        missing = self.lengths[split][index] * per_frame - len(rows)
+        return rows if missing <= 0 else torch.cat([rows, rows[-per_frame:].repeat(missing, 1)])
 
     def _frames(self, clips: Clips) -> list[int]:
         """Frames that both the motion and the speech of each clip have."""

@@ -35,7 +35,11 @@ class Stage2:
         net.autoencoder.requires_grad_(False)
         self.splits = {"train": train, "val": val}
         self.speech = SpeechRows(
-            net.system, net.audio_encoder, self.splits, config.fine_tune_speech
+            net.system,
+            net.audio_encoder,
+            self.splits,
+            config.fine_tune_speech,
+            config.streamed_share,
         )
         self.open = {split: self._open_frames(clips) for split, clips in self.splits.items()}
 

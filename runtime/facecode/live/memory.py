@@ -58,7 +58,7 @@ class LiveMemory:
         """Take in speech (n_samples,) at the bundle's rate; stop after every block."""
         self._coming.append(waveform)
         self._n_heard += len(waveform)
-        while self._n_heard >= self._needed():
+        while self._n_heard >= self._plan.needed(self._next_frame):
             self._encode_block()
             yield
 
@@ -67,15 +67,11 @@ class LiveMemory:
         self._coming.append(waveform)
         self._n_heard += len(waveform)
         first = self._next_frame
-        while self._n_heard >= self._needed():
+        while self._n_heard >= self._plan.needed(self._next_frame):
             self._next_frame += self._plan.block
         start = self._plan.sample(max(0, self._next_frame - self._plan.context))
         self._cut(start, start)
         return self._next_frame - first
-
-    def _needed(self) -> int:
-        plan = self._plan
-        return plan.sample(self._next_frame + plan.block + plan.look_ahead)
 
     def pad(self) -> None:
         """Close the block with silence, and encode it and those before as if silence followed."""
@@ -86,7 +82,7 @@ class LiveMemory:
         self._coming.append(np.zeros(silence, np.float32))
         self._n_heard += silence
         while self._next_frame < whole:
-            missing = max(0, self._needed() - self._n_heard)
+            missing = max(0, plan.needed(self._next_frame) - self._n_heard)
             self._encode_block(np.zeros(missing, np.float32))
 
     def _frames_heard(self) -> int:
@@ -95,19 +91,17 @@ class LiveMemory:
 
     def end(self) -> None:
         """Encode what is left, without anything after it, as a recording ends."""
-        plan = self._plan
-        first = max(0, self._next_frame - plan.context)
-        first = round(math.floor(first / plan.fps) * plan.fps)
-        start, stop = plan.sample(first), self._n_heard
-        if stop - start < self._encoder.min_samples or plan.sample(self._next_frame) >= stop:
+        window = self._plan.window(self._next_frame, self._n_heard)
+        if window is None or window.stop - window.start < self._encoder.min_samples:
             return
-        rest = self._encoder.memory(self._cut(start, stop), self._level_at(stop))
-        self._take(rest, range(self._next_frame - first, rest.n_frames), stop)
+        waveform = self._cut(window.start, window.stop)
+        rest = self._encoder.memory(waveform, self._level_at(window.stop))
+        self._take(rest, range(window.kept_from, rest.n_frames), window.stop)
 
     def _encode_block(self, after: Audio | None = None) -> None:
         plan = self._plan
         first = max(0, self._next_frame - plan.context)
-        start, stop = plan.sample(first), min(self._needed(), self._n_heard)
+        start, stop = plan.sample(first), min(plan.needed(self._next_frame), self._n_heard)
         piece = self._cut(start, stop)
         level = self._level_at(stop)
         if after is not None:

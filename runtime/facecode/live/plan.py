@@ -10,13 +10,24 @@ from facecode.errors import LookAheadError
 from facecode.loop.request import Window, window_of
 from facecode_spec.manifest import Manifest, ModeEntry
 
-CONTEXT_S = 2.0
+CONTEXT_S = 1.0
 """Speech before a block that its encoding hears; more hardly changes the face."""
 BLOCK_S = 0.1
 DELAY_FRAMES = 1
 """Frames that follow a frame before it is shown; see docs/live.md."""
 LEAST_MS, MOST_MS = 100, 2000
 LOOK_AHEAD_MS = 200
+
+
+@dataclass(frozen=True)
+class Window:
+    """A piece of the waveform, and which of its frames are kept."""
+
+    start: int
+    stop: int
+    kept_from: int
+    """The block, or in the last window all that follows, begins at this frame of the window."""
+    is_last: bool
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,25 @@ class Plan:
     def latency_ms(self) -> float:
         """What the first frame of a block waits for at most: look-ahead, block and show delay."""
         return 1000 * (self.look_ahead + self.block + self.delay) / self.fps
+
+    def needed(self, frame: int) -> int:
+        """Samples that must have been heard before the block that begins at `frame` is encoded."""
+        return self.sample(frame + self.block + self.look_ahead)
+
+    def window(self, frame: int, n_samples: int) -> Window | None:
+        """What is encoded for the block that begins at `frame`, of `n_samples` in all.
+
+        The last window, after which nothing is heard, begins at a whole second: there a frame
+        begins too, and a recording has as many frames as in one pass. None: nothing is left.
+        """
+        first, stop = max(0, frame - self.context), self.needed(frame)
+        is_last = stop > n_samples
+        if is_last:
+            first = round(math.floor(first / self.fps) * self.fps)
+            stop = n_samples
+        if self.sample(frame) >= stop:
+            return None
+        return Window(self.sample(first), stop, frame - first, is_last)
 
     def sample(self, frame: int) -> int:
         """Where `frame` begins in the waveform."""
