@@ -20,7 +20,7 @@ from facecode.audio import AudioSource, load_audio
 from facecode.blocks import Blocks
 from facecode.bundle import Bundle
 from facecode.live.clip import live_clip, refuse_in_live
-from facecode.live.plan import live_window
+from facecode.live.decoding import live_window
 from facecode.live.stream import Stream
 from facecode.live.voice import Voice
 from facecode.loop.engine import Engine

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from facecode.errors import LookAheadError
-from facecode.loop.request import Window, window_of
 from facecode_spec.manifest import Manifest, ModeEntry
 
 CONTEXT_S = 1.0
@@ -62,7 +61,7 @@ class Plan:
             look_ahead=round(wanted / 1000 * fps),
             block=max(1, math.floor(BLOCK_S * fps + 0.5)),
             context=round(CONTEXT_S * fps),
-            delay=0 if _is_causal(manifest.modes) else DELAY_FRAMES,
+            delay=0 if is_causal(manifest.modes) else DELAY_FRAMES,
         )
 
     @property
@@ -99,24 +98,6 @@ class Plan:
         return math.floor(frame * self.rate / self.fps)
 
 
-def live_window(frames: int | None, modes: Mapping[str, ModeEntry], smallest: int) -> Window:
-    """How a stream decodes: as `window`, but that a frame is shown early.
-
-    Args:
-        frames: decoded at a step; by default the bundle's choice.
-        modes: of the bundle.
-        smallest: the fewest frames that a step can decode.
-
-    Raises:
-        ModeError
-    """
-    if frames is None and _is_causal(modes):
-        return Window(frames=1, delay=0)
-    window = window_of("window", frames, modes, smallest)
-    assert window is not None, "of mode window"
-    return replace(window, delay=DELAY_FRAMES)
-
-
-def _is_causal(modes: Mapping[str, ModeEntry]) -> bool:
+def is_causal(modes: Mapping[str, ModeEntry]) -> bool:
     """Whether a frame is final when it is predicted, as without codes."""
     return "exact" in modes and modes["exact"].delay_frames == 0
