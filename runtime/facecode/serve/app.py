@@ -21,7 +21,7 @@ from facecode.serve.heads import Heads
 from facecode.serve.house import House
 from facecode.serve.limits import OPENING_S
 from facecode.serve.protocol import PROTOCOL, Opening, message, parse_opening
-from facecode.serve.session import CODES, LEFT, End, Session, sent
+from facecode.serve.session import CODES, End, Session, gone, sent
 
 logger = logging.getLogger("facecode.serve")
 
@@ -125,7 +125,7 @@ class _Doors:
         try:
             got = await asyncio.wait_for(socket.receive(), OPENING_S)
             if got["type"] == "websocket.disconnect":
-                return LEFT
+                return gone(got)
             opening = parse_opening(got.get("text"))
         except asyncio.TimeoutError:
             return End("idle", f"no opening message within {OPENING_S:g} s")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,7 +59,7 @@ class Session:
     def __init__(self, socket: WebSocket, house: House, opening: Opening, stream: Stream) -> None:
         """Serve `socket`, whose opening was read."""
         self._socket, self._house, self._stream = socket, house, stream
-        self._rate = opening.sample_rate
+        self._rate, self._live = opening.sample_rate, opening.live
         self._backlog = Backlog(opening.sample_rate, opening.live)
         self._next_frame = self._n_skipped = 0
 
@@ -87,7 +87,7 @@ class Session:
             except asyncio.TimeoutError:
                 return End("idle", f"no message for {idle_s:g} s")
             if got["type"] == "websocket.disconnect":
-                return End("too_big") if got.get("code") == TOO_BIG else LEFT
+                return gone(got)
             try:
                 if got.get("text") is not None:
                     self._backlog.order(parse_command(got["text"]))
@@ -136,7 +136,7 @@ class Session:
             await socket.send_bytes(pack_frames(frames))
             self._next_frame = frames[-1].index + 1
             metrics.frames += len(frames)
-            if isinstance(item, Chunk) and not item.skipped:
+            if self._live and isinstance(item, Chunk) and not item.skipped:
                 metrics.answered(time.monotonic() - item.arrived)
         if self._stream.n_skipped > self._n_skipped:
             metrics.skipped_frames += self._stream.n_skipped - self._n_skipped
@@ -145,6 +145,11 @@ class Session:
         if isinstance(item, Command):
             fields = {"next_frame": self._next_frame, "skipped": self._n_skipped}
             await socket.send_text(message(f"{item.type}_done", **fields))
+
+
+def gone(message: Mapping[str, Any]) -> End:
+    """How a connection ended that ASGI says is closed."""
+    return End("too_big") if message.get("code") == TOO_BIG else LEFT
 
 
 async def sent(sending: Coroutine[Any, Any, None]) -> End | None:

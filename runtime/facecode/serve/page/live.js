@@ -173,8 +173,8 @@ class Page {
     part("latency").textContent = ms(shown);
     part("history").setAttribute("points", delays.map((delay, i) => `${i},${height(delay)}`).join(" "));
     part("planned").setAttribute("d", `M0 ${height(this.planned)}H120`);
-    const left_out = this.skipped ? `; ${this.skipped} frames skipped` : "";
-    part("details").textContent = `${ms(this.planned)} ms by design; frames come after ${ms(this.lag.percentile(0.5))} ms, 95 % within ${ms(this.lag.percentile(0.95))} ms${left_out}`;
+    const left_out = this.skipped ? `; ${this.skipped} frames left out` : "";
+    part("details").textContent = `by design ${ms(this.planned)}, half within ${ms(this.lag.percentile(0.5))}, 95 % within ${ms(this.lag.percentile(0.95))}${left_out}`;
   }
 }
 
@@ -189,7 +189,7 @@ async function begin() {
   }
   const page = new Page(face, head, viewer);
   part("style").append(...face.styles.map((name) => new Option(name)));
-  part("identity").append(new Option("of the bundle", ""), ...face.identities.map((name) => new Option(name)));
+  part("identity").append(new Option("default", ""), ...face.identities.map((name) => new Option(name)));
   part("identity").parentElement.hidden = !face.identities.length;
   const guarded = (act) => async (event) => {
     try {
