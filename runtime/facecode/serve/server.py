@@ -13,6 +13,7 @@ from facecode.serve.limits import SEND_S, Limits
 BUFFER = 32 * 1024
 """Of the kernel, for each client and direction, so that one that stops reading is noticed within a
 minute; the default holds ten minutes of frames."""
+HIGHEST_PORT = 65535
 REQUESTS = 64
 """At once, beside sessions."""
 
@@ -24,6 +25,8 @@ def listen(host: str, port: int) -> socket.socket:
         ListenError
     """
     try:
+        if not 0 <= port <= HIGHEST_PORT:  # the system would take the last 16 bits
+            raise OverflowError(f"ports are 0 to {HIGHEST_PORT}")
         family, kind, proto, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
