@@ -7,7 +7,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from facecode.serve.limits import HELD_S, SLICE_S, WAITING_S
+from facecode.live.drive import MOST_BEHIND_S
+from facecode.serve.limits import HELD_S, SLICE_S
 from facecode.serve.protocol import BYTES_PER_SAMPLE, Command
 
 MOST_ITEMS = 64
@@ -31,7 +32,7 @@ class Backlog:
     """A queue of speech in seconds; belongs to an event loop."""
 
     def __init__(self, sample_rate: int, live: bool) -> None:
-        """For speech of 16 bits; only that of `live` is ever skipped."""
+        """For speech of 16 bits; that of `live` is skipped where over MOST_BEHIND_S of it wait."""
         self._bytes_per_s, self._live = sample_rate * BYTES_PER_SAMPLE, live
         self._items: deque[bytearray | Command] = deque()
         self._n_bytes, self._last = 0, 0.0
@@ -75,7 +76,7 @@ class Backlog:
             self._items.popleft()
             self._changed.set()
             return first
-        skipped = self._live and self.waiting_s > WAITING_S
+        skipped = self._live and self.waiting_s > MOST_BEHIND_S
         whole_samples = int(SLICE_S * self._bytes_per_s) // BYTES_PER_SAMPLE * BYTES_PER_SAMPLE
         n = len(first) if skipped else min(len(first), whole_samples)
         data = bytes(first[:n])

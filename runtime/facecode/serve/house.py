@@ -49,7 +49,11 @@ class House:
         """
 
         def begin() -> Stream:
-            stream = self.face.stream(opening.style, look_ahead_ms=opening.look_ahead_ms)
+            stream = self.face.stream(
+                opening.style,
+                look_ahead_ms=opening.look_ahead_ms,
+                rest_in_quiet=opening.rest_in_quiet,
+            )
             stream.feed(np.zeros(0, np.int16), opening.sample_rate)
             return stream
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-WAITING_S = 0.5
-"""Speech of a live session that may wait to be heard; with more of it, all of it is skipped."""
 HELD_S = 2.0
 """Speech that is held for a session; beyond that its socket is not read."""
 SLICE_S = 0.1

@@ -33,6 +33,7 @@ class Opening:
     look_ahead_ms: float | None = None
     live: bool = True
     """Whether the speech comes as it is spoken, so that it is better skipped than heard late."""
+    rest_in_quiet: bool = False
     token: str = ""
 
 
@@ -55,20 +56,19 @@ def parse_opening(text: str | None) -> Opening:
     if text is None:
         raise ProtocolError('got speech first; expected JSON such as {"sample_rate": 48000}')
     fields = _object(text)
-    _refuse_others(fields, {"sample_rate", "style", "look_ahead_ms", "live", "token"})
+    _refuse_others(fields, set(Opening.__dataclass_fields__))
     if "sample_rate" not in fields:
         raise ProtocolError('expected "sample_rate", the samples of the speech in a second')
     rate = _number(fields, "sample_rate")
     if rate != int(rate):
         raise ProtocolError(f'got "sample_rate" {rate}; expected a whole number')
-    live, token = fields.get("live", True), fields.get("token", "")
-    if not isinstance(live, bool):
-        raise ProtocolError('"live" is true or false')
+    token = fields.get("token", "")
     if not isinstance(token, str):
         raise ProtocolError('"token" is a text')
     ahead = _number(fields, "look_ahead_ms") if "look_ahead_ms" in fields else None
     style = _style(fields["style"]) if "style" in fields else None
-    return Opening(int(rate), style, ahead, live, token)
+    live, rest = _truth(fields, "live", True), _truth(fields, "rest_in_quiet", False)
+    return Opening(int(rate), style, ahead, live, rest, token)
 
 
 def parse_command(text: str) -> Command:
@@ -141,6 +141,13 @@ def _number(fields: Mapping[str, Any], name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > 1e9:
         raise ProtocolError(f'"{name}" is a number')
     return float(value)
+
+
+def _truth(fields: Mapping[str, Any], name: str, default: bool) -> bool:
+    value = fields.get(name, default)
+    if not isinstance(value, bool):
+        raise ProtocolError(f'"{name}" is true or false')
+    return value
 
 
 def _style(value: Any) -> Style:  # noqa: ANN401

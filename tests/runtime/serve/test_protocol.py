@@ -25,10 +25,11 @@ def test_openings():
         "style": {"calm": 0.5, "lively": 0.5},
         "look_ahead_ms": 100,
         "live": False,
+        "rest_in_quiet": True,
         "token": "x",
     }
     found = parse_opening(json.dumps(asked))
-    assert found == Opening(16000, {"calm": 0.5, "lively": 0.5}, 100.0, False, "x")
+    assert found == Opening(16000, {"calm": 0.5, "lively": 0.5}, 100.0, False, True, "x")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("uvicorn")
 
-from facecode.errors import AddressError
+from facecode.errors import ListenError
 from facecode.serve.server import listen, url_of
 
 
@@ -15,13 +15,13 @@ def test_a_free_port():
         port = listening.getsockname()[1]
         assert url_of(listening) == f"http://127.0.0.1:{port}/"
         socket.create_connection(("127.0.0.1", port)).close()
-        with pytest.raises(AddressError, match=f"port {port}.*--port"):
+        with pytest.raises(ListenError, match=f"port {port}.*--port"):
             listen("127.0.0.1", port)
 
 
 @pytest.mark.parametrize(("host", "port"), [("127.0.0.1", 70000), ("203.0.113.9", 0), ("::x", 0)])
 def test_addresses_that_are_none(host, port):
-    with pytest.raises(AddressError, match="cannot listen"):
+    with pytest.raises(ListenError, match="cannot listen"):
         listen(host, port)
 
 

@@ -69,7 +69,7 @@ class Page {
     this.playout = new Playout(this.face.fps);
     this.lag = new Lag();
     this.skipped = 0;
-    const opening = { sample_rate: source.rate, style: part("style").value, live: this.live };
+    const opening = { sample_rate: source.rate, style: part("style").value, live: this.live, rest_in_quiet: this.live };
     this.connection = new Connection(opening, {
       ready: (message) => this.#ready(message),
       frames: (frames) => this.#frames(frames),
