@@ -128,7 +128,7 @@ class Animator:
         still = self.result(request, neutral, waveform, self._still.codes, self._still.offsets)
         if options.get("mode") == "live":
             clip = self._live(still, request, options)
-            return Blocks(still, clip.n_frames, iter([clip]))
+            return Blocks(dataclasses.replace(still, mode="live"), clip.n_frames, iter([clip]))
         memory = self.engine.encode(waveform)
         made = (
             self.result(request, neutral, waveform, codes[0], motion[0])
