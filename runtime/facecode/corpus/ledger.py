@@ -52,7 +52,8 @@ def open_ledger(job: Job, portions: Sequence[Portion], manifest: str) -> Path:
 
 def _plan(job: Job, portions: Sequence[Portion], manifest: str) -> dict[str, object]:
     named = [(r.id, r.size, r.style, r.template) for p in portions for r in p.recordings]
-    options = (job.style, sorted(job.options.items(), key=str), job.offsets)
+    asked = {k: v for k, v in job.options.items() if v is not None and (k, v) != ("mode", "auto")}
+    options = (job.style, sorted(asked.items(), key=str), job.offsets)
     return {
         "recordings": _digest(named),
         "n_recordings": len(named),
