@@ -273,3 +273,28 @@ def run_cli(tmp_path):
         )
 
     return run
+
+
+N_SMALL = 20
+SMALL_SECONDS = (0.3, 0.7, 0.4, 1.1)
+
+
+@pytest.fixture(scope="session")
+def speeches(tmp_path_factory):
+    """N_SMALL good recordings of four lengths in two folders, and one that is not audio."""
+    folder = tmp_path_factory.mktemp("corpus")
+    speech, rate = soundfile.read(SPEECH, dtype="float32")
+    for i in range(N_SMALL):
+        part = folder / f"{'ab'[i % 2]}"
+        part.mkdir(exist_ok=True)
+        start = int(rate * 0.2 * i)
+        clip = np.resize(speech, 8 * rate)[start : start + int(SMALL_SECONDS[i % 4] * rate)]
+        soundfile.write(part / f"{i:02d}.wav", clip, rate)
+    (folder / "bad.wav").write_bytes(b"RIFF, but not for long")
+    return folder
+
+
+def contents(folder):
+    """Every result of a batch, by its path."""
+    files = (p for p in folder.rglob("*") if p.is_file() and ".batch" not in p.parts)
+    return {str(p.relative_to(folder)): p.read_bytes() for p in files}

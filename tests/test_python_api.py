@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 NAMES = {
     "Animation", "Animator", "AudioSource", "Blocks", "Bundle", "Clip", "Compute", "FacecodeError",
     "Mode", "Rig", "Samples", "Style", "Takes", "TemplateSource", "__version__", "animate_many",
-    "load", "read_clip",
+    "batch", "load", "read_clip",
 }  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from facecode.blocks import Blocks
 from facecode.bundle import Bundle
 from facecode.clip import Clip, Rig
 from facecode.clip_file import read_clip
+from facecode.corpus.run import batch
 from facecode.errors import FacecodeError
 from facecode.loading import load
 from facecode.many import animate_many
@@ -38,6 +39,7 @@ __all__ = [
     "TemplateSource",
     "__version__",
     "animate_many",
+    "batch",
     "load",
     "read_clip",
 ]

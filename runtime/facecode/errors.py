@@ -235,6 +235,24 @@ class AvatarNotFoundError(FacecodeError, FileNotFoundError):
     """No avatar at the given path."""
 
 
+class CorpusError(FacecodeError, ValueError):
+    """The recordings of a corpus cannot be listed, or two have one name."""
+
+
+class CorpusNotFoundError(FacecodeError, FileNotFoundError):
+    """No corpus at the given path."""
+
+
+class OtherBatchError(FacecodeError, ValueError):
+    """The folder holds the results of another batch."""
+
+
+class WorkerError(FacecodeError, RuntimeError):
+    """A worker died, and so did those that took up its portion."""
+
+    exit_code = 1
+
+
 class MissingExtraError(FacecodeError, ImportError):
     """An optional dependency is not installed."""
 

@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias, TypedDict
 
 from facecode.arrays import AnyArray
 from facecode.clip import Clip
+from facecode.errors import StyleError
 from facecode.template import TemplateSource
 
 Mode: TypeAlias = Literal["auto", "exact", "window", "live"]
@@ -46,3 +47,23 @@ class Options(BatchOptions, total=False):
     """Parts to keep as they are, by name."""
     progress: bool
     """Show a bar on stderr."""
+
+
+def parse_style(text: str | None) -> Style | None:
+    """`NAME`, or `a:0.3,b:0.7` as a mix; None stays None.
+
+    Raises:
+        StyleError: a mix that cannot be read.
+    """
+    if text is None or ":" not in text:
+        return text
+    mix: dict[str, float] = {}
+    for item in text.split(","):
+        name, _, weight = item.strip().rpartition(":")
+        try:
+            mix[name] = float(weight)
+        except ValueError:
+            raise StyleError(
+                f"got the style {text!r}; expected a name, or a mix such as a:0.3,b:0.7"
+            ) from None
+    return mix

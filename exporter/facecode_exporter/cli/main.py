@@ -167,8 +167,8 @@ def _with_extra(args: argparse.Namespace) -> None:
 
 def _case(args: argparse.Namespace, animator: Animator) -> Case:
     from facecode.audio import load_audio
-    from facecode.cli.options import parse_style
     from facecode.loop.request import style_weights
+    from facecode.options import parse_style
     from facecode_exporter.bundles.parity import Case
 
     style = parse_style(args.style)

@@ -23,11 +23,10 @@ from facecode.cli.options import (
     add_style,
     compute_of,
     parse_samples,
-    parse_style,
     positive,
 )
 from facecode.errors import OutputFolderError, OutputSuffixError, SampleError
-from facecode.options import Options
+from facecode.options import Options, parse_style
 from facecode.takes import Takes
 from facecode.writers.onto import onto
 

@@ -16,7 +16,6 @@ from facecode.cli.options import (
     add_quiet,
     add_style,
     compute_of,
-    parse_style,
     positive,
 )
 from facecode.errors import AddressError, NoRigError
@@ -25,6 +24,7 @@ from facecode.live.frame import LiveFrame
 from facecode.live.sinks import Sink, json_lines, live_link, vmc
 from facecode.live.sources import DTYPES, microphone_chunks, pipe_chunks
 from facecode.live.stream import Stream
+from facecode.options import parse_style
 
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:

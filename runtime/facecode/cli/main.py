@@ -1,4 +1,4 @@
-"""The sub-commands of `facecode`: animate, live, serve, convert, demo, mesh, info, bench."""
+"""The sub-commands of `facecode`: animate, batch, live, serve, convert, demo, mesh, info, bench."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import facecode
 from facecode import writers
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED, PACKAGED_BUNDLE, Bundle
-from facecode.cli import animate, convert, live, mesh, serve
+from facecode.cli import animate, batch, convert, live, mesh, serve
 from facecode.cli.console import guarded
 from facecode.cli.options import (
     STANDARD_STREAM,
@@ -23,9 +23,9 @@ from facecode.cli.options import (
     add_quiet,
     add_style,
     compute_of,
-    parse_style,
     positive,
 )
+from facecode.options import parse_style
 
 PROGRAM = "facecode"
 DEMO_FACES = 5
@@ -99,6 +99,7 @@ def _add_bundle(parser: argparse.ArgumentParser) -> None:
 
 _PARSERS = (
     animate.add_parser,
+    batch.add_parser,
     live.add_parser,
     serve.add_parser,
     convert.add_parser,

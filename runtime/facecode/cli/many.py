@@ -12,8 +12,9 @@ from tqdm import tqdm
 import facecode
 from facecode import writers
 from facecode.cli.console import DONE, MISTAKE
-from facecode.cli.options import compute_of, parse_style
+from facecode.cli.options import compute_of
 from facecode.errors import FacecodeError, OutputFolderError, OutputWriteError, SampleError
+from facecode.options import parse_style
 
 
 def run_many(args: argparse.Namespace) -> int:

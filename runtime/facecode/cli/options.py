@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from facecode.bundle import PACKAGED_BUNDLE
-from facecode.errors import SampleError, StyleError
-from facecode.options import MODES, Mode, Samples, Style
+from facecode.errors import SampleError
+from facecode.options import MODES, Mode, Samples
 from facecode.session import Compute
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -116,26 +116,6 @@ def add_quiet(parser: argparse.ArgumentParser) -> None:
 def compute_of(args: argparse.Namespace) -> Compute:
     """The value of `add_compute`'s options."""
     return Compute(args.threads, args.provider)
-
-
-def parse_style(text: str | None) -> Style | None:
-    """`NAME`, or `a:0.3,b:0.7` as a mix; None stays None.
-
-    Raises:
-        StyleError: a mix that cannot be read.
-    """
-    if text is None or ":" not in text:
-        return text
-    mix: dict[str, float] = {}
-    for item in text.split(","):
-        name, _, weight = item.strip().rpartition(":")
-        try:
-            mix[name] = float(weight)
-        except ValueError:
-            raise StyleError(
-                f"got the style {text!r}; expected a name, or a mix such as a:0.3,b:0.7"
-            ) from None
-    return mix
 
 
 def parse_samples(texts: list[str], by_part: Mapping[str, int | None]) -> Samples | None:

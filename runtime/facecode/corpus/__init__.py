@@ -1,0 +1,1 @@
+"""A corpus of recordings, animated by several processes or a cluster, and resumable."""
