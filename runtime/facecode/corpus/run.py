@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from tqdm import tqdm
-
 from facecode import writers
 from facecode.bundle import PACKAGED_BUNDLE, Bundle
 from facecode.corpus import ledger
@@ -129,6 +127,8 @@ def _shown(
     """The outcomes, counted by a bar."""
     n, start, seconds = sum(len(p.recordings) for p in portions), time.perf_counter(), 0.0
     before = sum(outcome.n for outcome in done)
+    from tqdm import tqdm
+
     with tqdm(total=n, initial=before, desc="batch", unit="clip", disable=not progress) as bar:
         for outcome in outcomes:
             seconds += outcome.seconds
