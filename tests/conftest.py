@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
+import os
 import pickle
 import shutil
 import subprocess
@@ -66,7 +68,7 @@ def pytest_report_header():
 
 @pytest.fixture(scope="session", autouse=True)
 def exported_once(request, tmp_path_factory):
-    """Trace a view of the same weights once a session: torch takes a minute, a copy nothing."""
+    """Trace a view of the same weights once a session, whichever worker of xdist needs it first."""
     torch_tests = [Path(__file__).parent / name for name in ("exporter", "contract")]
     if not any(
         folder in item.path.parents for item in request.session.items for folder in torch_tests
@@ -75,17 +77,23 @@ def exported_once(request, tmp_path_factory):
         return
     from facecode_exporter.bundles import writer
 
-    kept, export_graph = {}, writer.export_graph
-    store = tmp_path_factory.mktemp("exported")
+    export_graph = writer.export_graph
+    base = tmp_path_factory.getbasetemp()
+    store = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "exported"
+    store.mkdir(exist_ok=True)
 
     def export_or_copy(view, spec, path):
         weights = {name: tensor.numpy().tobytes() for name, tensor in view.state_dict().items()}
         plain = {k: v for k, v in vars(view).items() if isinstance(v, (int, float, str, tuple))}
-        key = hashlib.sha256(repr((spec, view, sorted(plain.items()), weights)).encode()).digest()
-        if key not in kept:
-            export_graph(view, spec, path)
-            kept[key] = shutil.copy(path, store / f"{len(kept)}.onnx")
-        shutil.copy(kept[key], path)
+        key = hashlib.sha256(repr((spec, view, sorted(plain.items()), weights)).encode())
+        kept = store / f"{key.hexdigest()}.onnx"
+        with kept.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not kept.exists():
+                export_graph(view, spec, path)
+                shutil.copy(path, kept.with_suffix(".part"))
+                kept.with_suffix(".part").rename(kept)
+        shutil.copy(kept, path)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writer, "export_graph", export_or_copy)

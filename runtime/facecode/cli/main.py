@@ -1,4 +1,4 @@
-"""The sub-commands of `facecode`: animate, live, convert, demo, mesh, info, bench."""
+"""The sub-commands of `facecode`: animate, live, serve, convert, demo, mesh, info, bench."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import facecode
 from facecode import writers
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED, PACKAGED_BUNDLE, Bundle
-from facecode.cli import animate, convert, live, mesh
+from facecode.cli import animate, convert, live, mesh, serve
 from facecode.cli.console import guarded
 from facecode.cli.options import (
     STANDARD_STREAM,
@@ -100,6 +100,7 @@ def _add_bundle(parser: argparse.ArgumentParser) -> None:
 _PARSERS = (
     animate.add_parser,
     live.add_parser,
+    serve.add_parser,
     convert.add_parser,
     _add_demo,
     mesh.add_parser,

@@ -61,13 +61,14 @@ def add_look_ahead(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_compute(parser: argparse.ArgumentParser) -> None:
+def add_compute(parser: argparse.ArgumentParser, threads: int | None = None) -> None:
     """`--threads` and `--provider`."""
     parser.add_argument(
         "--threads",
         type=positive(int),
         metavar="N",
-        help="threads of a graph, as in --threads 2 (default: all cores)",
+        default=threads,
+        help=f"threads of a graph, as in --threads 2 (default: {threads or 'all cores'})",
     )
     parser.add_argument(
         "--provider",
