@@ -127,22 +127,6 @@ class AddressError(StreamError, ValueError):
     """Frames cannot be sent there."""
 
 
-class ServeError(FacecodeError):
-    """The server cannot do this."""
-
-
-class ListenError(ServeError, OSError):
-    """The server cannot listen on this address."""
-
-
-class OriginError(ServeError, ValueError):
-    """Not the origin of a page."""
-
-
-class ProtocolError(ServeError, ValueError):
-    """A message of a client that has no meaning."""
-
-
 class SampleError(FacecodeError, ValueError):
     """The bundle does not give these samples."""
 

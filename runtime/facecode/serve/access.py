@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
-from facecode.errors import OriginError
+from facecode.serve.errors import OriginError
 
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 

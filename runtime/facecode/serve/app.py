@@ -13,9 +13,10 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
-from facecode.errors import FacecodeError, ProtocolError
+from facecode.errors import FacecodeError
 from facecode.live.plan import LOOK_AHEAD_MS
 from facecode.serve.access import Access
+from facecode.serve.errors import ProtocolError
 from facecode.serve.files import FILES, HEADERS
 from facecode.serve.heads import Heads
 from facecode.serve.house import House

@@ -10,9 +10,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from facecode.errors import ProtocolError
 from facecode.live.frame import LiveFrame
 from facecode.options import Style
+from facecode.serve.errors import ProtocolError
 
 PROTOCOL = 1
 BLEND_S = 0.3

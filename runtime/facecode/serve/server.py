@@ -7,7 +7,7 @@ import socket
 import uvicorn
 from starlette.applications import Starlette
 
-from facecode.errors import ListenError
+from facecode.serve.errors import ListenError
 from facecode.serve.limits import SEND_S, Limits
 
 BUFFER = 32 * 1024

@@ -2,8 +2,8 @@
 
 import pytest
 
-from facecode.errors import OriginError
 from facecode.serve.access import Access
+from facecode.serve.errors import OriginError
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import struct
 import numpy as np
 import pytest
 
-from facecode.errors import ProtocolError
 from facecode.live.frame import LiveFrame
+from facecode.serve.errors import ProtocolError
 from facecode.serve.protocol import (
     Command,
     Opening,

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("uvicorn")
 
-from facecode.errors import ListenError
+from facecode.serve.errors import ListenError
 from facecode.serve.server import listen, url_of
 
 
