@@ -56,8 +56,9 @@ class Bundle:
             MissingFileError, AlteredFileError, ExternalDataError.
         """
         root = Path(path)
-        if not (root / MANIFEST_NAME).is_file():
-            root = PACKAGED.get(os.fspath(path), root)
+        name = os.fspath(path)
+        if name in PACKAGED and not _is_bundle(root):
+            root = PACKAGED[name]
         manifest = read_manifest(root)
         verify_files(root, manifest)
         template = load_array(root, manifest.template, (manifest.n_vertices, 3), np.float32)
@@ -151,6 +152,14 @@ class Bundle:
     def path(self, name: str) -> Path:
         """Where the file `name` of the manifest lies."""
         return safe_path(self.root, name)
+
+
+def _is_bundle(root: Path) -> bool:
+    """Whether the folder is meant as a bundle: others have a manifest.json too, as web pages do."""
+    try:
+        return b'"format_version"' in (root / MANIFEST_NAME).read_bytes()
+    except OSError:
+        return False
 
 
 def read_manifest(root: Path) -> Manifest:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from conftest import TINY
 
 import facecode
 from facecode import errors
-from facecode.bundle import Bundle
+from facecode.bundle import PACKAGED, Bundle
+from facecode.cli.main import main
 from facecode.external_data import external_files
 
 
@@ -42,6 +44,33 @@ def test_no_bundle(tmp_path):
         Bundle.open(tmp_path / "none")
     with pytest.raises(errors.BundleNotFoundError, match=r"has no manifest\.json"):
         Bundle.open(tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(PACKAGED))
+@pytest.mark.parametrize("what", ["folder", "results", "file", "web page", "link", "manifest/"])
+def test_what_is_no_bundle_does_not_hide_a_packaged_one(tmp_path, monkeypatch, name, what):
+    monkeypatch.chdir(tmp_path)
+    here = tmp_path / name
+    if what == "file":
+        here.touch()
+    elif what == "link":
+        here.symlink_to("nowhere")
+    else:
+        here.mkdir()
+    if what == "results":
+        (here / "talk.npz").touch()
+    elif what == "web page":
+        (here / "manifest.json").write_text('{"name": "app", "manifest_version": 3}')
+    elif what == "manifest/":
+        (here / "manifest.json").mkdir()
+    assert Bundle.open(name).root == PACKAGED[name]
+    assert main(["info", name]) == 0
+
+
+def test_a_bundle_of_ones_own_keeps_its_name(tmp_path, monkeypatch):
+    shutil.copytree(TINY, tmp_path / "demo")
+    monkeypatch.chdir(tmp_path)
+    assert Bundle.open("demo").manifest.n_vertices == 42
 
 
 @pytest.mark.parametrize("name", sorted(f.name for f in TINY.iterdir() if f.suffix != ".json"))
