@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from facecode.cli.options import parse_samples, parse_style
+from facecode.cli.options import parse_samples
+from facecode.options import parse_style
 from facecode.errors import ModeError, SampleError, StyleError, StyleWarning
 from facecode.loop.request import Window, style_weights, window_of
 from facecode_spec.manifest import ModeEntry
