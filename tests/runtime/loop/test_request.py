@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from facecode.cli.options import parse_samples
-from facecode.options import parse_style
 from facecode.errors import ModeError, SampleError, StyleError, StyleWarning
 from facecode.loop.request import Window, style_weights, window_of
+from facecode.options import parse_style
 from facecode_spec.manifest import ModeEntry
 
 NAMES = ("calm", "lively", "FaceTalk_170728_03272_TA")
