@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from facecode.wording import one_line
 from facecode_exporter.errors import ConfigError
 from facecode_exporter.nets.speech import family_of, samples_for
 from facecode_exporter.system_size import n_numbers
@@ -117,8 +118,8 @@ def with_encoder_config(system: SystemSpec, config: Path) -> SystemSpec:
     kind = family.model_type
     try:
         given = json.loads(_read(config))
-    except ValueError as error:
-        raise ConfigError(f"{config}: not JSON: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{config}: not JSON: {one_line(error)}") from error
     if not isinstance(given, dict) or given.get("model_type", kind) != kind:
         raise ConfigError(f"{config}: expected a Hugging Face configuration of type {kind}")
     defaults = family().to_dict()
@@ -131,7 +132,7 @@ def with_encoder_config(system: SystemSpec, config: Path) -> SystemSpec:
     try:
         min_samples = samples_for(encoder, system.fps, 1)
     except Exception as error:  # transformers wraps what it refuses in classes of its own
-        raise ConfigError(f"{config}: {error}") from error
+        raise ConfigError(f"{config}: {one_line(error)}") from error
     encoder = dataclasses.replace(encoder, min_samples=min_samples)
     return dataclasses.replace(system, speech_encoder=encoder)
 
@@ -204,8 +205,8 @@ def _flat_fields(config: Path) -> tuple[dict[str, Any], bool]:
     """All fields, and whether they stand in sections, as CodeTalker's do."""
     try:
         sections = yaml.safe_load(_read(config))
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{config}: not YAML: {error}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ConfigError(f"{config}: not YAML: {one_line(error)}") from error
     parts = list(sections.values()) if isinstance(sections, dict) else []
     if parts and not any(isinstance(part, dict) for part in parts):
         return sections, False
@@ -221,7 +222,7 @@ def _read(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
+        raise ConfigError(f"{path}: cannot be read: {one_line(error)}") from error
 
 
 def _need(fields: Mapping[str, Any], key: str, config: Path) -> object:

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 from facecode_spec.entries import FileEntry, GraphEntry, PartEntry
 from facecode_spec.plain import SpecError, from_plain, to_plain
-from facecode_spec.schema import SystemSpec, UpAxis
+from facecode_spec.schema import LARGEST, SystemSpec, UpAxis
 
 FORMAT_VERSION = 1
 MANIFEST_NAME = "manifest.json"
+LONGEST_NAME = 255
 
 
 class NewerFormatError(SpecError):
@@ -143,9 +144,39 @@ class Manifest:
         window = self.modes.get("window")
         if not self.modes or (window and None in (window.window, window.delay_frames)):
             raise SpecError("modes: expected one or more, 'window' with window and delay_frames")
-        if self.lip_pair is not None and len(self.lip_pair) != 2:
-            raise SpecError(f"lip_pair: expected two vertices, got {len(self.lip_pair)}")
+        self._check_names()
+        self._check_numbers()
         self._check_conditions()
+
+    def _check_names(self) -> None:
+        names = {*self.files, *self.used_files, *self.styles, *self.regions, *self.identities}
+        names |= {part.name for part in self.parts} | set(self.rig.names if self.rig else ())
+        if odd := [n for n in names if not 0 < len(n) <= LONGEST_NAME or not n.isprintable()]:
+            raise SpecError(f"expected names that can be shown, got {odd[0][:LONGEST_NAME]!r}")
+        if not self.styles or not self.parts:
+            raise SpecError("expected one or more styles and parts")
+
+    def _check_numbers(self) -> None:
+        window = self.modes.get("window")
+        counts = {
+            "sample_rate": self.sample_rate,
+            "min_samples": self.min_samples,
+            "n_vertices": self.n_vertices,
+            "window": 1 if window is None else window.window,
+            **{f"n_samples of {part.name}": part.n_samples for part in self.parts},
+        }
+        for name, value in counts.items():
+            if value is None or not 1 <= value <= LARGEST:
+                raise SpecError(f"{name}: expected 1 to {LARGEST:,}, got {value}")
+        if window is not None and not 0 <= (window.delay_frames or 0) <= LARGEST:
+            raise SpecError(f"delay_frames: expected 0 to {LARGEST:,}, got {window.delay_frames}")
+        metres = 1.0 if self.metres_per_unit is None else self.metres_per_unit
+        for name, number, most in (("fps", self.fps, 1000), ("metres_per_unit", metres, 1e9)):
+            if not 0 < number <= most:
+                raise SpecError(f"{name}: expected a number above 0, got {number}")
+        pair = self.lip_pair
+        if pair is not None and (len(pair) != 2 or not all(0 <= v < self.n_vertices for v in pair)):
+            raise SpecError(f"lip_pair: expected two vertices, got {list(pair)[:3]}")
 
     def _check_conditions(self) -> None:
         with_codes: set[str] = set()
@@ -185,7 +216,7 @@ class Manifest:
         """
         try:
             data = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise SpecError(f"not JSON: {error}") from error
         version = data.get("format_version") if isinstance(data, dict) else None
         if not isinstance(version, int) or isinstance(version, bool) or version < 1:

@@ -7,6 +7,7 @@ key is an error that names its dotted path. Knows nothing of what the classes me
 from __future__ import annotations
 
 import dataclasses
+import reprlib
 import types
 import typing
 from collections.abc import Mapping
@@ -41,8 +42,10 @@ def from_plain(cls: type[T], data: object, where: str = "") -> T:
         raise SpecError(f"{where}: expected an object, got {type(data).__name__}")
     hints = typing.get_type_hints(cls)
     fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    if unknown := sorted(set(data) - set(fields)):
-        raise SpecError(f"{where}: unknown key {', '.join(unknown)}; known: {', '.join(fields)}")
+    if unknown := sorted(map(str, set(data) - set(fields))):
+        raise SpecError(
+            f"{where}: unknown key {reprlib.repr(', '.join(unknown))}; known: {', '.join(fields)}"
+        )
     required = {n for n, f in fields.items() if _has_no_default(f)}
     if missing := sorted(required - set(data)):
         raise SpecError(f"{where}: missing key {', '.join(missing)}")
@@ -58,7 +61,7 @@ def _convert_union(options: list[Any], value: Any, where: str) -> Any:  # noqa: 
         return _convert(options[0], value, where)
     if isinstance(value, bool) or not isinstance(value, tuple(options)):
         names = " or ".join(option.__name__ for option in options)
-        raise SpecError(f"{where}: expected {names}, got {value!r}")
+        raise SpecError(f"{where}: expected {names}, got {reprlib.repr(value)}")
     return value
 
 
@@ -75,7 +78,9 @@ def _convert(hint: Any, value: Any, where: str) -> Any:  # noqa: ANN401
         return _convert_union([a for a in args if a is not type(None)], value, where)
     if origin is Literal:
         if value not in args:
-            raise SpecError(f"{where}: got {value!r}, expected one of {', '.join(map(repr, args))}")
+            raise SpecError(
+                f"{where}: got {reprlib.repr(value)}, expected one of {', '.join(map(repr, args))}"
+            )
         return value
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return from_plain(hint, value, where)
@@ -86,9 +91,11 @@ def _convert(hint: Any, value: Any, where: str) -> Any:  # noqa: ANN401
     if origin is not None and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
             raise SpecError(f"{where}: expected an object, got {type(value).__name__}")
-        return {str(k): _convert(args[1], item, f"{where}.{k}") for k, item in value.items()}
+        return {
+            str(k): _convert(args[1], item, f"{where}.{str(k)[:60]}") for k, item in value.items()
+        }
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool):
-        raise SpecError(f"{where}: expected {hint.__name__}, got {value!r}")
+        raise SpecError(f"{where}: expected {hint.__name__}, got {reprlib.repr(value)}")
     return value

@@ -24,6 +24,7 @@ from facecode.errors import (
     NonFiniteAudioError,
     UnreadableAudioError,
 )
+from facecode.wording import one_line
 
 SPEECH = Path(__file__).parent / "assets" / "speech.flac"
 """The packaged recording; see LICENSE-speech.txt beside it."""
@@ -182,13 +183,23 @@ def _opened(source: str | os.PathLike[str] | BinaryIO) -> tuple[str, BinaryIO]:
             raise AudioNotFoundError(f"{shown} is a folder, not an audio file")
         if path.exists() and not path.is_file():  # a pipe, which cannot seek
             return shown, io.BytesIO(path.read_bytes())
-        return shown, path.open("rb")
+        return shown, cast(BinaryIO, _Patient(path, "rb"))
     except FileNotFoundError as error:
         if isinstance(error, AudioNotFoundError):
             raise
         raise AudioNotFoundError(f"{shown} does not exist") from error
     except (OSError, ValueError) as error:
-        raise AudioNotFoundError(f"{shown} cannot be opened: {error}") from error
+        raise AudioNotFoundError(f"{shown} cannot be opened: {one_line(error)}") from error
+
+
+class _Patient(io.FileIO):
+    """A file that stays where it is when a damaged header sends it before its beginning."""
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        try:
+            return super().seek(offset, whence)
+        except (OSError, OverflowError):
+            return self.tell()
 
 
 def _forward(soundfile: Any) -> Any:  # noqa: ANN401
@@ -219,7 +230,7 @@ def _blocks(sound: Any, n: int, name: str) -> Iterator[AnyArray]:  # noqa: ANN40
 
 
 def _unreadable(name: str, error: Exception) -> UnreadableAudioError:
-    reason = str(getattr(error, "error_string", error)).strip()
+    reason = one_line(getattr(error, "error_string", error))
     return UnreadableAudioError(
         f"{name} is not audio that libsndfile reads ({reason}); convert it to wav, flac, ogg or mp3"
     )

@@ -23,6 +23,7 @@ from facecode.errors import (
 )
 from facecode.rig_file import read_rig
 from facecode.template import TemplateSource, check_fit, load_template
+from facecode.wording import one_line
 from facecode_spec.entries import PartEntry
 from facecode_spec.manifest import MANIFEST_NAME, Manifest, NewerFormatError
 from facecode_spec.plain import SpecError
@@ -179,4 +180,4 @@ def read_manifest(root: Path) -> Manifest:
     except NewerFormatError as error:
         raise NewerBundleError(f"{root}: {error}. Upgrade facecode, or export again") from error
     except (SpecError, UnicodeDecodeError) as error:
-        raise ManifestError(f"{file} cannot be used: {error}") from error
+        raise ManifestError(f"{file} cannot be used: {one_line(error)}") from error

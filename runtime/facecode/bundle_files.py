@@ -20,6 +20,7 @@ from facecode.errors import (
 )
 from facecode.external_data import external_files
 from facecode.npy import read_npy
+from facecode.wording import one_line
 from facecode_spec.entries import GraphEntry
 from facecode_spec.manifest import Manifest
 
@@ -65,7 +66,7 @@ def load_array(root: Path, name: str, shape: tuple[int, ...], dtype: type[np.gen
     try:
         array = read_npy(safe_path(root, name))
     except (ValueError, OSError) as error:
-        raise ManifestError(f"{name} is not a numpy array: {error}") from error
+        raise ManifestError(f"{name} is not a numpy array: {one_line(error)}") from error
     fits = array.ndim == len(shape) and all(
         want in (-1, got) for want, got in zip(shape, array.shape, strict=True)
     )
@@ -115,8 +116,8 @@ def _refuse_unlisted(manifest: Manifest) -> None:
 def _refuse_external_data(root: Path, graph: GraphEntry, manifest: Manifest) -> None:
     try:
         locations = external_files(safe_path(root, graph.path))
-    except ValueError as error:
-        raise ManifestError(f"{graph.path} is not an ONNX file: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise ManifestError(f"{graph.path} cannot be used as a graph: {one_line(error)}") from error
     folder = PurePosixPath(graph.path).parent
     for location in locations:
         if ".." in PurePosixPath(location).parts or str(folder / location) not in manifest.files:

@@ -1,4 +1,4 @@
-"""Which files an .onnx file would read beside itself, found without the onnx package.
+"""What an .onnx file would read beside itself, and its loops, found without the onnx package.
 
 onnxruntime follows such paths on its own when it loads a graph, so they are looked at first.
 Reads the few protobuf fields that lead to a tensor (field numbers of onnx.proto3) and skips the
@@ -29,14 +29,19 @@ CHILDREN = {
     "Tensor": {13: "ExternalData"},
     "ExternalData": {},
 }
+OP_TYPE = 4
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
+
+
+LOOPS = {b"Loop", b"Scan", b"SequenceMap"}
+"""Operators that may never end; no graph of facecode has one."""
 
 
 def external_files(path: Path) -> list[str]:
     """Locations that the tensors of the graph at `path` point to, as written there.
 
     Raises:
-        ValueError: not a protobuf message.
+        ValueError: not a protobuf message, or a graph with a loop.
     """
     with path.open("rb") as file:
         if path.stat().st_size == 0:
@@ -54,6 +59,8 @@ def _locations(data: mmap.mmap, start: int, end: int, message: str) -> Iterator[
         elif message == "ExternalData":
             key = data[first:last] if field == 1 else key
             value = data[first:last] if field == 2 else value
+        elif message == "Node" and field == OP_TYPE and data[first:last] in LOOPS:
+            raise ValueError(f"it has the operator {data[first:last].decode()}, which may not end")
     if key == b"location":
         yield value.decode("utf-8", "replace")
 

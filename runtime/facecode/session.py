@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 
 from facecode.arrays import AnyArray
 from facecode.errors import GraphError, ProviderError, ThreadsError
+from facecode.wording import one_line
 from facecode_spec.entries import GraphEntry
+from facecode_spec.graphs import TensorSpec
 
 if TYPE_CHECKING:
     import onnxruntime as ort
@@ -130,9 +132,10 @@ class Graph:
         """
         self.name = path.stem
         self._session = _session(path, compute)
-        self._check_names(entry)
+        self._outputs = {tensor.name: tensor for tensor in entry.outputs}
+        self._check_signature(entry)
 
-    def _check_names(self, entry: GraphEntry) -> None:
+    def _check_signature(self, entry: GraphEntry) -> None:
         for kind, nodes, stated in (
             ("inputs", self._session.get_inputs(), entry.inputs),
             ("outputs", self._session.get_outputs(), entry.outputs),
@@ -143,6 +146,12 @@ class Graph:
                     f"{entry.path} has the {kind} {found}, but its manifest says {expected}; "
                     "export the bundle again"
                 )
+            for node, tensor in zip(nodes, stated, strict=True):
+                if node.type != TYPES.get(tensor.dtype) or not _fits(node.shape, tensor):
+                    raise GraphError(
+                        f"{entry.path} has {tensor.name} as {node.type} {node.shape}, but its "
+                        f"manifest says {tensor.dtype} {list(tensor.axes)}; export the bundle again"
+                    )
 
     def run(self, outputs: Sequence[str], **inputs: AnyArray) -> list[AnyArray]:
         """The named outputs for the named inputs.
@@ -151,9 +160,34 @@ class Graph:
             GraphError: onnxruntime refuses the inputs, or runs out of memory.
         """
         try:
-            return self._session.run(list(outputs), inputs)  # type: ignore[no-any-return]
+            found: list[AnyArray] = self._session.run(list(outputs), inputs)
         except Exception as error:
-            raise GraphError(f"{self.name} failed: {error}") from error
+            raise GraphError(f"{self.name} failed: {one_line(error)}") from error
+        for name, array in zip(outputs, found, strict=True):
+            if not _fits(array.shape, self._outputs[name]):
+                raise GraphError(
+                    f"{self.name} gave {name} of shape {array.shape}, but its manifest says "
+                    f"{list(self._outputs[name].axes)}; export the bundle again"
+                )
+        return found
+
+
+TYPES = {
+    "float32": "tensor(float)",
+    "float64": "tensor(double)",
+    "int64": "tensor(int64)",
+    "int32": "tensor(int32)",
+    "bool": "tensor(bool)",
+}
+"""onnxruntime's names of types."""
+
+
+def _fits(shape: Sequence[object], tensor: TensorSpec) -> bool:
+    """Whether a shape has the axes that the manifest states, as far as either is a number."""
+    return len(shape) == len(tensor.axes) and all(
+        got == want or isinstance(got, str | None) or isinstance(want, str)
+        for got, want in zip(shape, tensor.axes, strict=True)
+    )
 
 
 def _session(path: Path, compute: Compute) -> ort.InferenceSession:
@@ -170,7 +204,7 @@ def _session(path: Path, compute: Compute) -> ort.InferenceSession:
     try:
         session = ort.InferenceSession(os.fspath(path), session_options(compute), providers=wanted)
     except Exception as error:  # onnxruntime's exceptions share no public base
-        raise GraphError(f"onnxruntime cannot load {path.name}: {error}") from error
+        raise GraphError(f"onnxruntime cannot load {path.name}: {one_line(error)}") from error
     if session.get_providers()[0] != compute.provider:
         raise ProviderError(
             f"{compute.provider} did not start for {path.name}; onnxruntime would run it on "

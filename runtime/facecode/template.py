@@ -12,6 +12,7 @@ import numpy as np
 from facecode.arrays import AnyArray, Faces, Template
 from facecode.errors import TemplateError
 from facecode.npy import read_npy
+from facecode.wording import one_line
 
 TemplateSource: TypeAlias = "str | os.PathLike[str] | AnyArray"
 
@@ -101,7 +102,7 @@ def read_mesh(path: Path) -> tuple[AnyArray, Faces | None]:
             return _read_obj(path.read_text(encoding="utf-8", errors="replace"))
         return _read_ply(path)
     except Exception as error:  # parsers of broken files raise whatever they stumble over
-        raise TemplateError(f"template {path} cannot be read: {error}") from error
+        raise TemplateError(f"template {path} cannot be read: {one_line(error)}") from error
 
 
 def _read_ply(path: Path) -> tuple[AnyArray, Faces | None]:

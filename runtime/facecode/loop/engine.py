@@ -19,6 +19,7 @@ from facecode.loop.offsets import OffsetsPart
 from facecode.loop.part import HEAD_CHUNK, Part, offsets_of, products_of
 from facecode.loop.protocols import MotionState, PartLoop
 from facecode.loop.request import Request, Window, request_of
+from facecode.loop.stated import stated_graphs
 from facecode.loop.step import DecoderStep, Frame, GeneratedPart, run_loop, with_bar
 from facecode.loop.window import LONGEST_PAST, WindowMotion
 from facecode.options import Held, Samples
@@ -39,7 +40,8 @@ class Engine:
         """Load the graphs of a verified bundle; GraphError, ManifestError, ProviderError."""
         m = bundle.manifest
         encoder = Graph(bundle.path(m.speech_encoder.path), m.speech_encoder, compute)
-        parts = tuple(Part.open(bundle, part, compute) for part in m.parts)
+        with stated_graphs(bundle.root):
+            parts = tuple(Part.open(bundle, part, compute) for part in m.parts)
         return cls(SpeechEncoder(encoder, m), parts, m.n_vertices)
 
     @property
