@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from reprlib import repr as shown
 from typing import Any
 
 import yaml
@@ -56,7 +57,7 @@ def system_from_config(config: Path, wav2vec2_config: Path | None = None) -> Sys
     form = forms.get(str(_need(fields, "dataset", config)))
     if form is None:
         raise ConfigError(
-            f"{config}: dataset is {fields['dataset']!r}; expected one of {', '.join(FORMS)}"
+            f"{config}: dataset is {shown(fields['dataset'])}; expected one of {', '.join(FORMS)}"
         )
     try:
         system = (_codetalker if has_sections else _faceformer)(fields, form, config)
@@ -141,9 +142,9 @@ def _autoencoder_form(fields: Mapping[str, Any], form: SystemSpec, config: Path)
     name = fields.get("autoencoder")
     if name is None:
         return form.parts[0]
-    if name not in AUTOENCODERS:
+    if not isinstance(name, str) or name not in AUTOENCODERS:
         raise ConfigError(
-            f"{config}: autoencoder is {name!r}; expected one of {', '.join(AUTOENCODERS)}"
+            f"{config}: autoencoder is {shown(name)}; expected one of {', '.join(AUTOENCODERS)}"
         )
     return AUTOENCODERS[name]
 
@@ -186,7 +187,8 @@ def _subjects(fields: Mapping[str, Any], config: Path) -> tuple[str, ...]:
         or len(set(names)) < len(names)
     ):
         raise ConfigError(
-            f"{config}: train_subjects is {given!r}; expected different names, in a line or a list"
+            f"{config}: train_subjects is {shown(given)}; expected different names, in a line or "
+            "a list"
         )
     return tuple(names)
 
@@ -234,7 +236,7 @@ def _need(fields: Mapping[str, Any], key: str, config: Path) -> object:
 def _number(fields: Mapping[str, Any], key: str, config: Path) -> float:
     value = _need(fields, key, config)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ConfigError(f"{config}: {key} is {value!r}; expected a number")
+        raise ConfigError(f"{config}: {key} is {shown(value)}; expected a number")
     return float(value) if -1e300 < value < 1e300 else math.inf  # 1 with 400 noughts is no float
 
 
@@ -242,6 +244,7 @@ def _whole(fields: Mapping[str, Any], key: str, config: Path) -> int:
     value = _number(fields, key, config)
     if not value.is_integer() or not 0 <= value <= MOST_NUMBERS:
         raise ConfigError(
-            f"{config}: {key} is {fields[key]}; expected a whole number of 0 to {MOST_NUMBERS:,}"
+            f"{config}: {key} is {shown(fields[key])}; expected a whole number of 0 to "
+            f"{MOST_NUMBERS:,}"
         )
     return int(value)

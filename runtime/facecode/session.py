@@ -63,17 +63,38 @@ def usable_cores() -> int:
     return min(cores, MOST_THREADS, container_cores())
 
 
-def container_cores(root: Path = Path("/sys/fs/cgroup")) -> int:
-    """The quota of this process's container in whole cores, at least 1 (cgroup 2, then 1)."""
-    for quota_file, period_file in (("cpu.max",) * 2, ("cpu.cfs_quota_us", "cpu.cfs_period_us")):
-        folder = root if quota_file == "cpu.max" else root / "cpu"
-        try:
-            quota = (folder / quota_file).read_text().split()[0]
-            period = (folder / period_file).read_text().split()[-1]
-            if int(quota) > 0 and int(period) > 0:
-                return max(1, int(quota) // int(period))
-        except (OSError, ValueError, IndexError):  # no such file, or `max`
-            continue
+def container_cores(
+    root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")
+) -> int:
+    """The least quota of this process's groups in whole cores, at least 1 (cgroup 2, then 1).
+
+    Args:
+        root: where the groups lie; a container sees its own there.
+        own: which of them is this process's, where it sees those around it.
+    """
+    quotas = [_quota(folder / "cpu.max", folder / "cpu.max") for folder in _groups(root, own)]
+    quotas.append(_quota(root / "cpu/cpu.cfs_quota_us", root / "cpu/cpu.cfs_period_us"))
+    return min(quotas)
+
+
+def _groups(root: Path, own: Path) -> list[Path]:
+    """The process's group of cgroup 2 and those that it is in, up to `root`."""
+    try:
+        lines = own.read_text().splitlines()
+    except OSError:
+        lines = []
+    names = [line[3:].strip("/") for line in lines if line.startswith("0::") and ".." not in line]
+    group = Path(names[0] if names else "")
+    return [root / group, *(root / parent for parent in group.parents)]
+
+
+def _quota(quota_file: Path, period_file: Path) -> int:
+    try:
+        quota, period = quota_file.read_text().split()[0], period_file.read_text().split()[-1]
+        if int(quota) > 0 and int(period) > 0:
+            return max(1, int(quota) // int(period))
+    except (OSError, ValueError, IndexError):  # no such file, or `max`
+        pass
     return MOST_THREADS
 
 

@@ -107,11 +107,38 @@ def try_checkpoint(folder):
     load_system(SYSTEMS[TINY_SYSTEM], [folder / "stage1.pth"], [folder / "stage2.pth"])
 
 
+def make_trap(rng, folder):
+    (folder / "input").write_text(str(int(rng.integers(100))))
+    return "trap"
+
+
+def try_trap(folder):
+    """What must not happen, so that the run can be seen to notice it."""
+    name = os.environ["HOSTILE_TRAP"]
+    if name == "crash":
+        os.abort()
+    elif name == "hang":
+        time.sleep(600)
+    elif name == "defect":
+        raise KeyError("features")
+    elif name == "unclear":
+        raise FacecodeError("two\nlines")
+    elif name == "noise":
+        os.write(2, b"a library speaks")
+    elif name == "outside":
+        (folder.parent / "secret/secret.npy").read_bytes()
+    elif name == "outside, unseen by Python":
+        os.system(f"cat {folder.parent}/secret/secret.npy > /dev/null")
+    elif name == "memory":
+        bytearray(MEMORY)
+
+
 def make_bundle(rng, folder):
     return hostile_bundles.make(rng, folder / "input")
 
 
 KINDS = {
+    "trap": (make_trap, try_trap),
     "bundle": (make_bundle, try_bundle),
     "recording": (hostile_files.make_recording, try_recording),
     "clip": (hostile_files.make_clip, try_clip),

@@ -26,9 +26,9 @@ from pathlib import Path
 HERE = Path(__file__).parent
 KINDS = ("bundle", "recording", "clip", "template", "avatar", "style", "config", "checkpoint")
 KNOWN_NOISE = re.compile(
-    r"\S*\d{4}-\d\d-\d\d .*onnxruntime:Default, allocator|.*nmemb=|Error [A1] : \w\w$|$|Error"
+    r".*onnxruntime:Default, allocator|.*nmemb=|Error|Note: |Warning: Xing|.*src/libmpg123/|\s*$"
 )
-"""Lines that onnxruntime prints when memory is refused, and libsndfile for SDS checksums."""
+"""What libraries print: onnxruntime where memory is refused, libsndfile on damaged MP3 and SDS."""
 IN_ACCESS, IN_OPEN = 0x1, 0x20
 
 

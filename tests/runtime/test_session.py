@@ -66,7 +66,20 @@ def test_a_containers_quota(tmp_path, files, cores):
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text + "\n")
-    assert container_cores(tmp_path) == cores
+    assert container_cores(tmp_path, tmp_path / "none") == cores
+
+
+@pytest.mark.parametrize(
+    ("line", "cores"),
+    [("0::/a/b\n", 1), ("12:cpu:/x\n0::/a\n", 3), ("0::/\n", 8), ("0::/a/c\n", 3), ("0::/../x", 8)],
+)
+def test_the_least_quota_of_the_groups_around(tmp_path, line, cores):
+    """As systemd sets them: a slice of three cores, a service of one in it, on a host of eight."""
+    (tmp_path / "a/b").mkdir(parents=True)
+    (tmp_path / "own").write_text(line)
+    for folder, quota in ((".", 800_000), ("a", 300_000), ("a/b", 100_000)):
+        (tmp_path / folder / "cpu.max").write_text(f"{quota} 100000\n")
+    assert container_cores(tmp_path, tmp_path / "own") == cores
 
 
 @pytest.mark.parametrize(("asked", "at_most"), [("1", 1), ("1,2", 1), ("", None), ("x", None)])
