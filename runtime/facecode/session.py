@@ -164,14 +164,15 @@ class Graph:
             found, expected = [n.name for n in nodes], [t.name for t in stated]
             if found != expected:
                 raise GraphError(
-                    f"{entry.path} has the {kind} {found}, but its manifest says {expected}; "
+                    f"{entry.path} has the {kind} {one_line(found)}, but its manifest says "
+                    f"{one_line(expected)}; "
                     "export the bundle again"
                 )
             for node, tensor in zip(nodes, stated, strict=True):
                 if node.type != TYPES.get(tensor.dtype) or not _fits(node.shape, tensor):
                     raise GraphError(
-                        f"{entry.path} has {tensor.name} as {node.type} {node.shape}, but its "
-                        f"manifest says {tensor.dtype} {list(tensor.axes)}; export the bundle again"
+                        f"{entry.path} has {tensor.name} as {node.type} {one_line(node.shape)}, but its "
+                        f"manifest says {tensor.dtype} {one_line(list(tensor.axes))}; export the bundle again"
                     )
 
     def run(self, outputs: Sequence[str], **inputs: AnyArray) -> list[AnyArray]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from facecode.arrays import AnyArray, Codes, Features, Float32, Indices, Offsets, Vectors
 from facecode.bundle import Bundle
 from facecode.bundle_files import load_array
-from facecode.errors import NoCodesError
+from facecode.errors import ManifestError, NoCodesError
 from facecode.session import Compute, Graph
 from facecode_spec.entries import GraphEntry, PartEntry, ReachEntry
 from facecode_spec.graphs import past_keys
@@ -242,5 +242,7 @@ def _open_prior(
         return None, None
     width = int(entry.decoder_step.output("features").axes[2])
     rows = load_array(bundle.root, entry.codebook, (-1, width), np.float32)
+    if not len(rows):
+        raise ManifestError(f"{entry.codebook} has no code; export the bundle again")
     graph = Graph(bundle.path(entry.motion_decoder.path), entry.motion_decoder, compute)
     return Codebook(rows), MotionDecoder.of(graph, entry.motion_decoder, entry.reach)

@@ -14,7 +14,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from facecode.clip import Clip
-from facecode.errors import MissingExtraError
+from facecode.errors import MissingExtraError, OutputWriteError
+from facecode.wording import one_line
 from facecode.writers.format import Format
 from facecode.writers.space import metres_y_up
 from facecode.writers.usd.scene import head_names, mesh_path, scene
@@ -60,7 +61,10 @@ def write_takes_usdc(clips: Sequence[Clip], file: BinaryIO, progress: bool = Fal
                 layer.SetTimeSample(f"{mesh}.{attribute}", frame, samples)
     with tempfile.TemporaryDirectory(prefix="facecode-") as folder:
         path = Path(folder) / "clip.usdc"
-        layer.Export(str(path))
+        try:
+            layer.Export(str(path))
+        except RuntimeError as error:  # how USD says that a disk is full
+            raise OutputWriteError(f"cannot write {path.name}: {one_line(error)}") from error
         with path.open("rb") as written:
             while block := written.read(1 << 20):
                 file.write(block)
