@@ -171,8 +171,9 @@ class Graph:
             for node, tensor in zip(nodes, stated, strict=True):
                 if node.type != TYPES.get(tensor.dtype) or not _fits(node.shape, tensor):
                     raise GraphError(
-                        f"{entry.path} has {tensor.name} as {node.type} {one_line(node.shape)}, but its "
-                        f"manifest says {tensor.dtype} {one_line(list(tensor.axes))}; export the bundle again"
+                        f"{entry.path} has {one_line(tensor.name)} as {node.type} "
+                        f"{one_line(node.shape)}, but its manifest says {one_line(tensor.dtype)} "
+                        f"{one_line(list(tensor.axes))}; export the bundle again"
                     )
 
     def run(self, outputs: Sequence[str], **inputs: AnyArray) -> list[AnyArray]:

@@ -26,7 +26,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 KINDS = ("bundle", "recording", "clip", "template", "avatar", "style", "config", "checkpoint")
 KNOWN_NOISE = re.compile(
-    r"\*+ ?EP Error|EP Error|Falling|\*+$|.*onnxruntime:Default, allocator|.*nmemb=|Error|Note: |Warning: Xing|.*src/libmpg123/|\s*$"
+    r"\*+ ?EP Error|EP Error|Falling|\*+$|.*onnxruntime:Default, allocator|.*nmemb=|Error|Note: "
+    r"|Warning: Xing|.*src/libmpg123/|\s*$"
 )
 """What libraries print: onnxruntime where memory is refused, libsndfile on damaged MP3 and SDS."""
 IN_ACCESS, IN_OPEN = 0x1, 0x20
