@@ -36,7 +36,7 @@ def animate(tmp_path, limit, *args):
     return done.returncode, done.stderr, sorted(path.name for path in tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("megabytes", [200, 300, 400, 500, 700, 1000, 1500])
+@pytest.mark.parametrize("megabytes", [200, 1500])
 def test_memory_that_is_refused_is_never_a_crash_or_half_a_file(tmp_path, megabytes):
     """Below some 300 MB Python does not get through its imports, and says so itself."""
 
