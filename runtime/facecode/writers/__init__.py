@@ -161,8 +161,7 @@ def _whole(face: Clip, blocks: Iterable[Clip]) -> Clip:
 
 def _fitting(clip: Clip, found: Format) -> Clip:
     """The clip; NoVerticesError if it has weights alone and the format holds vertices."""
-    has_vertices = clip.offsets.shape[1] == len(clip.template)
-    if not has_vertices and (found.needs_vertices or clip.rig is None):
+    if not clip.has_vertices and (found.needs_vertices or clip.rig is None):
         raise NoVerticesError.to_give(found.suffix)
     return clip
 
