@@ -136,7 +136,8 @@ class Clip:
     @property
     def has_vertices(self) -> bool:
         """False of a clip of weights alone."""
-        return self.offsets.shape[1] == len(self.template)
+        n_vertices: int = self.offsets.shape[1]
+        return n_vertices == len(self.template)
 
     @property
     def n_frames(self) -> int:
