@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,6 +25,24 @@ def vertex_pair(text: str) -> tuple[int, int]:
     if not (upper.isdigit() and lower.isdigit()):
         raise argparse.ArgumentTypeError(f"expected UPPER,LOWER vertex indices, got {text}")
     return int(upper), int(lower)
+
+
+def system_name(known: Collection[str]) -> Callable[[str], str]:
+    """A parser of names of systems: the published ones are offered, those of tests taken too."""
+
+    def convert(text: str) -> str:
+        if text not in known:
+            raise argparse.ArgumentTypeError(
+                f"no system {text!r}; expected one of {published(known)}"
+            )
+        return text
+
+    return convert
+
+
+def published(known: Collection[str]) -> str:
+    """The published systems among `known`, for people."""
+    return ", ".join(sorted(n for n in known if not n.endswith(("-tiny", "-demo"))))
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from facecode.cli.options import Commands
-from facecode_exporter.cli.options import add_variant_options, vertex_pair
+from facecode_exporter.cli.options import (
+    add_variant_options,
+    published,
+    system_name,
+    vertex_pair,
+)
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
 
@@ -25,6 +30,10 @@ LAYOUT_OF = {
     "faceformer-vocaset": "vocaset",
     "faceformer-biwi": "biwi",
 }
+DATA_HELP = (
+    "a folder as VOCASET and BIWI are published: vertices_npy/SUBJECT_SENTENCE.npy, "
+    "wav/SUBJECT_SENTENCE.wav and templates.pkl; see docs/training.md"
+)
 STAGES = ("stage1", "stage2", "cdface", "faceformer")
 
 
@@ -33,9 +42,14 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     train = commands.add_parser("train", help="train a system on your data")
     train.set_defaults(run=run_train)
     train.add_argument("stage", choices=STAGES, help="what to train")
-    train.add_argument("--data", type=Path, required=True, metavar="DIR", help="the data set")
+    train.add_argument("--data", type=Path, required=True, metavar="DIR", help=DATA_HELP)
     which = train.add_mutually_exclusive_group(required=True)
-    which.add_argument("--system", choices=sorted(LAYOUT_OF), help="a published system")
+    which.add_argument(
+        "--system",
+        type=system_name(LAYOUT_OF),
+        metavar="NAME",
+        help=f"{published(LAYOUT_OF)}; of a generated corpus: codetalker-demo",
+    )
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
     train.add_argument(
         "--wav2vec2-config",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from facecode.writers import writing
 from facecode_exporter.errors import ConfigError
 from facecode_exporter.training.diverse_losses import DiverseLosses
 from facecode_spec.plain import SpecError, from_plain, to_plain
@@ -70,7 +71,8 @@ class TrainingConfig:
 
     def save(self, folder: Path) -> None:
         """Write config.json into `folder`."""
-        (folder / CONFIG_FILE).write_text(json.dumps(to_plain(self), indent=1) + "\n")
+        with writing(folder / CONFIG_FILE) as file:
+            file.write(f"{json.dumps(to_plain(self), indent=1)}\n".encode())
 
     @classmethod
     def load(cls, folder: Path) -> TrainingConfig:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -17,7 +18,10 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
+from facecode.errors import OutputWriteError
+from facecode.writers import writing
 from facecode_exporter.errors import RunError
+from facecode_exporter.state_files import save_state
 from facecode_exporter.training.config import CONFIG_FILE, TrainingConfig
 
 CHECKPOINT, CURVES = "checkpoint.pt", "losses.csv"
@@ -93,7 +97,12 @@ def _epoch(
 
 
 def _claim(folder: Path, config: TrainingConfig) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputWriteError(
+            f"cannot make the folder {folder}: {error.strerror}; name another with --out"
+        ) from error
     if (folder / CONFIG_FILE).is_file():
         before = TrainingConfig.load(folder)
         if before != config:
@@ -108,10 +117,15 @@ def _resume(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer) -> int
     file = folder / CHECKPOINT
     if not file.is_file():
         return 0
-    saved = torch.load(file, weights_only=True)
-    stage.trained.load_state_dict(saved["trained"])
-    optimizer.load_state_dict(saved["optimizer"])
-    return int(saved["epoch"])
+    try:
+        saved = torch.load(file, weights_only=True)
+        stage.trained.load_state_dict(saved["trained"])
+        optimizer.load_state_dict(saved["optimizer"])
+        return int(saved["epoch"])
+    except Exception as error:  # torch raises whatever it stumbles over
+        raise RunError(
+            f"{file} is no checkpoint of this run, or is damaged; remove it to begin anew"
+        ) from error
 
 
 def _save(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer, epoch: int) -> None:
@@ -120,9 +134,7 @@ def _save(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer, epoch: i
         "optimizer": optimizer.state_dict(),
         "epoch": epoch,
     }
-    part = folder / f"{CHECKPOINT}.part"
-    torch.save(state, part)
-    part.replace(folder / CHECKPOINT)
+    save_state(state, folder / CHECKPOINT)
 
 
 def _note(
@@ -133,10 +145,13 @@ def _note(
     file = folder / CURVES
     rows = []
     if file.is_file():
-        rows = [row for row in csv.reader(file.open()) if row[0].isdigit() and int(row[0]) <= epoch]
+        lines = csv.reader(file.read_text().splitlines())
+        rows = [row for row in lines if row[0].isdigit() and int(row[0]) <= epoch]
     rows.append([str(epoch + 1), *(f"{v:.6g}" for v in (*train_terms, *val_terms))])
-    with file.open("w", newline="") as out:
-        csv.writer(out).writerows([header, *rows])
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows([header, *rows])
+    with writing(file) as out:
+        out.write(text.getvalue().encode())
     with contextlib.suppress(ModuleNotFoundError):
         plot_curves(file, file.with_suffix(".png"))
 

@@ -13,6 +13,7 @@ from facecode import writers
 from facecode.cli.hold_option import parse_hold
 from facecode.cli.many import run_many
 from facecode.cli.options import (
+    AS_WRITTEN,
     STANDARD_STREAM,
     Commands,
     add_bundle,
@@ -30,10 +31,22 @@ from facecode.errors import OutputFolderError, OutputSuffixError, SampleError
 from facecode.options import Options, parse_style
 from facecode.takes import Takes
 
+EXAMPLES = """examples:
+  facecode animate my.wav -o talk.npz                     arrays; 2.1 MB a second (packaged head)
+  facecode animate my.wav -o talk.mp4 --style lively      a film to look at
+  facecode animate my.wav -o talk.glb -o talk.csv         a head with 52 shapes, and their weights
+  facecode animate my.wav -o five.mp4 --bundle diverse --samples 5
+  facecode animate *.wav --out-dir talks --format glb     many recordings at once
+  cat my.wav | facecode animate - -o - --format csv       between other programs
+
+`facecode info` lists styles, identities and parts. More: README.md, docs/outputs.md of facecode."""
+
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:
     """The sub-command `animate`, with `run` set."""
-    animate = commands.add_parser("animate", help="animate a recording")
+    animate = commands.add_parser(
+        "animate", help="animate a recording", epilog=EXAMPLES, formatter_class=AS_WRITTEN
+    )
     animate.set_defaults(run=run_animate)
     animate.add_argument(
         "audio", nargs="+", help="wav, flac, ogg, mp3, ... or - for standard input"
@@ -56,7 +69,7 @@ def _add_output(animate: argparse.ArgumentParser) -> None:
         "--output",
         action="append",
         metavar="FILE",
-        help=f"{', '.join(writers.FORMATS)}, or - (npz); several, as in -o talk.glb -o talk.csv",
+        help=f"{', '.join(writers.FORMATS)}, or -; several, as in -o talk.glb -o talk.csv",
     )
     add_saving(animate)
     where.add_argument(
@@ -68,8 +81,7 @@ def _add_output(animate: argparse.ArgumentParser) -> None:
     animate.add_argument(
         "--format",
         choices=[suffix[1:] for suffix in writers.FORMATS],
-        default="npz",
-        help="of the files in --out-dir (default: npz)",
+        help="of the files in --out-dir, or of -o - (default: npz)",
     )
 
 
@@ -103,7 +115,13 @@ def run_animate(args: argparse.Namespace) -> int | None:
     args.samples = parse_samples(args.samples, by_part)
     if args.onto is not None and args.samples is not None:
         raise SampleError("--onto takes one face; leave --samples out")
-    files = [f"all.{args.format}"] if args.output is None else args.output
+    to_file = args.output not in (None, [STANDARD_STREAM])
+    if args.format is not None and to_file:
+        raise OutputSuffixError(
+            "--format goes with --out-dir or -o -; the suffix of a file says it"
+        )
+    args.format = args.format or "npz"
+    files = args.output if to_file else [f"all.{args.format}"]
     check_saving(args, [Path(name) for name in files])
     if args.out_dir is not None:
         return run_many(args)
@@ -117,12 +135,13 @@ def run_animate(args: argparse.Namespace) -> int | None:
 
 def _animate_one(args: argparse.Namespace, source: str) -> None:
     to_stdout = args.output == [STANDARD_STREAM]
-    outputs = [Path("animation.npz")] if to_stdout else [Path(name) for name in args.output]
+    outputs = (
+        [Path(f"animation.{args.format}")] if to_stdout else [Path(name) for name in args.output]
+    )
     for output in outputs:
         if str(output) == STANDARD_STREAM:
             raise OutputSuffixError("- stands alone; leave the other outputs out")
-        if not to_stdout:
-            writers.check_output(output)
+        (writers.check_format if to_stdout else writers.check_output)(output)
     hold = dict(parse_hold(text) for text in args.hold)
     audio = io.BytesIO(sys.stdin.buffer.read()) if source == STANDARD_STREAM else Path(source)
     start = time.perf_counter()
