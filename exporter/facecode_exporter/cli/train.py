@@ -11,6 +11,7 @@ from facecode.cli.options import Commands
 from facecode_exporter.cli.options import (
     add_variant_options,
     published,
+    share,
     system_name,
     vertex_pair,
 )
@@ -35,6 +36,8 @@ DATA_HELP = (
     "wav/SUBJECT_SENTENCE.wav and templates.pkl; see docs/training.md"
 )
 STAGES = ("stage1", "stage2", "cdface", "faceformer")
+CHOICES = ("epochs", "batch_size", "crop_frames", "seed", "learning_rate", "streamed_share")
+"""Options that are fields of `TrainingConfig`."""
 
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:
@@ -73,6 +76,12 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     for name, kind in (("epochs", int), ("batch-size", int), ("crop-frames", int), ("seed", int),
                        ("learning-rate", float)):  # fmt: skip
         train.add_argument(f"--{name}", type=kind, help="default: as published")
+    train.add_argument(
+        "--streamed-share",
+        type=share,
+        metavar="S",
+        help="share of the clips that are heard block by block, as live (default: 0)",
+    )
     return train
 
 
@@ -108,11 +117,9 @@ def run_train(args: argparse.Namespace) -> None:
     from facecode_exporter.errors import RunError
 
     system, layout = _system(args)
-    chosen = {
-        name: value
-        for name in ("epochs", "batch_size", "crop_frames", "seed", "learning_rate")
-        if (value := getattr(args, name)) is not None
-    }
+    chosen = {name: value for name in CHOICES if (value := getattr(args, name)) is not None}
+    if args.stage == "stage1" and args.streamed_share is not None:
+        raise RunError("stage 1 hears no speech; --streamed-share goes with the other stages")
     if (args.stage == "faceformer") != (system.family == "faceformer"):
         raise RunError(f"{system.name} and the stage {args.stage!r} do not go together")
     if layout == "corpus":

@@ -57,7 +57,8 @@ class FaceFormerStage:
             [torch.from_numpy(clips.offsets(i)[start : start + n]) for i, start, n in group]
         )
         style = net.style_rows[[clips.style(i) for i, _, _ in group]]
-        memory = net.audio_feature_map(self.speech.batch(split, group))
+        speech = self.speech.batch(split, group, self.config.streamed_share)
+        memory = net.audio_feature_map(speech)
         if teacher_forcing:
             said = net.offsets(net.motion_tokens(style, truth[:, :-1]), memory)
         else:

@@ -132,7 +132,7 @@ class QueryStage:
     def _said(self, split: str, group: list[Crop]) -> tuple[Tensor, Tensor]:
         """Features (B, K, T, H, C) of all heads, and their nearest code vectors."""
         styles = torch.tensor([self.splits[split].style(i) for i, _, _ in group])
-        speech = self.speech.batch(split, group)
+        speech = self.speech.batch(split, group, self.config.streamed_share)
         conditions = self._conditions(speech, styles)
         speech = F.dropout(speech, self.config.speech_dropout, training=self.net.training)
         features = self._features(self.net.audio_feature_map(speech), styles, conditions)

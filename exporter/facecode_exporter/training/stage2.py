@@ -35,11 +35,7 @@ class Stage2:
         net.autoencoder.requires_grad_(False)
         self.splits = {"train": train, "val": val}
         self.speech = SpeechRows(
-            net.system,
-            net.audio_encoder,
-            self.splits,
-            config.fine_tune_speech,
-            config.streamed_share,
+            net.system, net.audio_encoder, self.splits, config.fine_tune_speech
         )
         self.open = {split: self._open_frames(clips) for split, clips in self.splits.items()}
 
@@ -74,7 +70,9 @@ class Stage2:
         )
         styles = torch.tensor([clips.style(i) for i, _, _ in group])
         speech = F.dropout(
-            self.speech.batch(split, group), self.config.speech_dropout, training=net.training
+            self.speech.batch(split, group, self.config.streamed_share),
+            self.config.speech_dropout,
+            training=net.training,
         )
         memory = net.audio_feature_map(speech)
         past = offsets
