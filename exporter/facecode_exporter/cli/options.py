@@ -14,6 +14,7 @@ from tqdm import tqdm
 from facecode.arrays import Indices
 from facecode.cli.options import STANDARD_STREAM
 from facecode.writers import check_folder, writing
+from facecode_exporter.errors import RunError
 from facecode_exporter.face_parts import part_vertices, variant, with_vertices
 from facecode_spec.schema import SystemSpec
 
@@ -122,3 +123,17 @@ def divided(system: SystemSpec, args: argparse.Namespace) -> tuple[SystemSpec, d
         return system, {}
     vertices = part_vertices(system, args.lips)
     return variant(with_vertices(system, vertices), args.samples, args.upper_first), vertices
+
+
+def require_speech_encoder(args: argparse.Namespace) -> None:
+    """Refuse to learn through random convolutions that nobody asked for.
+
+    Raises:
+        RunError
+    """
+    if args.speech_encoder is None and not args.random_speech_encoder:
+        raise RunError(
+            "no --speech-encoder: training keeps the convolutions of the speech encoder as they "
+            "begin, and random ones tell little of speech; give a pretrained Hugging Face folder "
+            "such as facebook/wav2vec2-base-960h, or --random-speech-encoder to go on without"
+        )

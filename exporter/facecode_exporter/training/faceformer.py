@@ -12,7 +12,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode_exporter.data.clips import Clips, batches
+from facecode.arrays import Float32
+from facecode_exporter.data.clips import Clips, batches, lessons_of
 from facecode_exporter.nets.faceformer import FaceFormer
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.speech_rows import SpeechRows
@@ -31,6 +32,10 @@ class FaceFormerStage:
             net.system, net.audio_encoder, self.splits, config.fine_tune_speech
         )
         net.drop(config.decoder_dropout)
+
+    def lessons(self) -> Iterator[Float32]:
+        """Motion and style."""
+        return lessons_of(self.splits["train"])
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""

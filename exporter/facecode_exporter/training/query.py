@@ -8,7 +8,7 @@ without history, as in `own_history` of stage 2.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode_exporter.data.clips import Clips, batches
+from facecode.arrays import Float32
+from facecode_exporter.data.clips import Clips, PartClips, batches, lessons_of
 from facecode_exporter.measures.regions import LIPS
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
@@ -27,13 +28,6 @@ from facecode_exporter.training.speech_rows import SpeechRows
 
 Crop = tuple[int, int, int]
 """(clip, first frame, frames)"""
-
-
-class PartClips(Clips, Protocol):
-    """Clips whose offsets are those of one part of the face."""
-
-    def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
-        """(T,) of each clip: whether the true mouth is open; see `openings.open_frames`."""
 
 
 class QueryStage:
@@ -75,6 +69,12 @@ class QueryStage:
             s: clips.open_mouth(self.losses.closed_below) for s, clips in self.splits.items()
         }
         self.unit = root_mean_square(train)
+
+    def lessons(self) -> Iterator[Float32]:
+        """Motion, style, and where the mouth is open."""
+        yield from lessons_of(self.splits["train"])
+        for is_open in self.open["train"]:
+            yield is_open.astype(np.float32)
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""
