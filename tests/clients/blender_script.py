@@ -1,8 +1,9 @@
-"""What a script of the documents does to a head in Blender: runs where bpy is.
+"""What a script does to a head in Blender: runs where bpy is.
 
-python blender_script.py HEAD.glb SCRIPT.py OUT FPS N_FRAMES: imports the head, makes its mesh the
-active object, runs the script, and writes to OUT the values of the shape keys (N_FRAMES, K) and, in
-glTF's axes, the vertices (N_FRAMES, V, 3). Names of the keys go to stdout as JSON.
+python blender_script.py HEAD.glb SCRIPT.py OUT FPS N_FRAMES: imports the head, makes the mesh that
+has shape keys the active object, runs the script, and writes to OUT the values of the shape keys
+(N_FRAMES, K) and, in glTF's axes, the vertices (N_FRAMES, V, 3). Names of the keys go to stdout as
+JSON.
 """
 
 import json
@@ -18,7 +19,7 @@ bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 scene.render.fps = round(fps)
 bpy.ops.import_scene.gltf(filepath=head)
-(item,) = (each for each in bpy.data.objects if each.type == "MESH")
+(item,) = (o for o in bpy.data.objects if o.type == "MESH" and o.data.shape_keys)
 bpy.context.view_layer.objects.active = item
 begun = time.perf_counter()
 exec(compile(Path(script).read_text(), script, "exec"), {"__name__": "__main__"})

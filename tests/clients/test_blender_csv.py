@@ -1,12 +1,11 @@
 """The script of docs/outputs.md in Blender: a .csv keyed onto shape keys gives the clip."""
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from gltf_clients import HERE, bpy_python, far, run, sentence
+from gltf_clients import bpy_python, far, in_blender_script, sentence
 from small_faces import frames_of, rigged, still
 
 from facecode import writers
@@ -20,20 +19,14 @@ EXACT = 1e-6
 
 def keyed(clip, still_clip, folder):
     """Facts, values of the shape keys by name, and vertices, after the documents' script ran."""
-    python = bpy_python()
+    bpy_python()
     text = DOCUMENT.read_text().partition("## Keys from a .csv in Blender")[2]
     (code,) = re.findall(r"```python\n(.*?)```", text.partition("\n## ")[0], re.DOTALL)
     assert '"//talk.csv"' in code
-    head, script, out = (folder / name for name in ("head.glb", "script.py", "out.npz"))
-    script.write_text(code.replace('"//talk.csv"', repr(str(folder / "talk.csv"))))
-    writers.save(still_clip, head)
+    script = code.replace('"//talk.csv"', repr(str(folder / "talk.csv")))
+    writers.save(still_clip, folder / "head.glb")
     writers.save(clip, folder / "talk.csv")
-    printed = run(python, HERE / "blender_script.py", head, script, out, clip.fps, clip.n_frames)
-    facts = next(line for line in printed.splitlines() if line.startswith("FACTS "))
-    facts = json.loads(facts.removeprefix("FACTS "))
-    with np.load(out) as arrays:
-        values = dict(zip(facts["keys"], arrays["values"].T, strict=True))
-        return facts, values, arrays["vertices"]
+    return in_blender_script(folder / "head.glb", script, clip, folder)
 
 
 def test_the_packaged_sentence(tmp_path):
