@@ -44,15 +44,16 @@ def write_takes_html(clips: Sequence[Clip], file: BinaryIO, progress: bool = Fal
     head = io.BytesIO()
     document_of(clips).write(head)
     page = (PAGE / "page.html").read_text(encoding="utf-8")
-    parts = {name: (PAGE / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS}
-    parts["style"] = (PAGE / "page.css").read_text(encoding="utf-8")
-    parts["glb"] = base64.b64encode(head.getvalue()).decode()
-    parts["sound"] = base64.b64encode(speech_of(clips[0], "FLAC") or b"").decode()
+    parts = {name: (PAGE / f"{name}.js").read_bytes() for name in SCRIPTS}
+    parts["style"] = (PAGE / "page.css").read_bytes()
+    parts["glb"] = base64.b64encode(head.getbuffer())
+    parts["sound"] = base64.b64encode(speech_of(clips[0], "FLAC") or b"")
     pieces = page.split("{{")
     file.write(pieces[0].encode())
     for piece in pieces[1:]:
         name, _, text = piece.partition("}}")
-        file.write(f"{parts[name]}{text}".encode())
+        file.write(parts[name])
+        file.write(text.encode())
 
 
 def write_blocks_html(face: Clip, n_frames: int, blocks: Iterable[Clip], file: BinaryIO) -> None:
