@@ -39,7 +39,8 @@ class House:
         # The first run of a graph takes longer than the others, and so does the first stream of a
         # style: let neither be a client's.
         for style in face.styles[:PRIMED_STYLES]:
-            face.stream(style).feed(np.zeros(face.manifest.sample_rate, np.float32))
+            face.stream(style)
+        face.stream().feed(np.zeros(face.manifest.sample_rate, np.float32))
 
     async def work(self, job: Callable[[], T]) -> T:
         """What `job` gives, made by a worker."""
