@@ -22,7 +22,7 @@ from facecode_exporter.nets.speech import family_of
 from facecode_exporter.training import recipes
 from facecode_exporter.training.config import TrainingConfig, cdface_defaults, stage1_defaults
 from facecode_exporter.training.diverse_losses import DiverseLosses
-from facecode_exporter.training.query import start_from_one
+from facecode_exporter.training.heads import start_from_one
 from facecode_exporter.training.speech_weights import load_pretrained
 from facecode_spec.schema import SystemSpec
 

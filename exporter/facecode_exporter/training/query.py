@@ -60,10 +60,17 @@ class QueryStage:
         place = names.index(config.part)
         self.earlier, self.net = net.part_nets[:place], net.part_nets[place]
         self.net.requires_grad_(True)
+        self.net.drop(config.decoder_dropout)
+        for earlier in self.earlier:
+            earlier.drop(0.0)
         self.net.autoencoder.requires_grad_(False)
         self.splits = {"train": train, "val": val}
         self.speech = speech or SpeechRows(
-            net.system, net.audio_encoder, dict(self.splits), place == 0 and config.fine_tune_speech
+            net.system,
+            net.audio_encoder,
+            dict(self.splits),
+            config,
+            place == 0 and config.fine_tune_speech,
         )
         self.open = {
             s: clips.open_mouth(self.losses.closed_below) for s, clips in self.splits.items()
@@ -205,31 +212,6 @@ def continued(
     """Features (B, T, H, C) of head `sample[b]` with the past (B, T, 3V) of its own row."""
     tokens = net.tokens(net.learnable_style_emb(styles), past[:, :-1], conditions)
     return net.features(tokens, memory, sample)
-
-
-@torch.no_grad()
-def start_from_one(net: PartNet, one: PartNet, spread: float) -> None:
-    """Give `net` the weights of `one`, the same network with one head, and K heads near that head.
-
-    Args:
-        net: of K samples.
-        one: trained with one sample, as the deterministic variant.
-        spread: of the noise that sets the heads apart, as a share of the root mean square of the
-            head's weights. Copies would never part: at distance 0 nothing pushes.
-    """
-    state = one.state_dict()
-    head = state["feat_map.weight"]
-    k = net.part.n_samples
-    noise = torch.randn(k, *head.shape, generator=torch.Generator().manual_seed(0))
-    heads = head + spread * head.square().mean().sqrt() * noise
-    net.load_state_dict({**state, "feat_map.weight": heads.flatten(0, 1)})
-
-
-@torch.no_grad()
-def sort_heads(net: PartNet, errors: Tensor) -> None:
-    """Put the head of the smallest error (K,) first: one face alone is that of head 0."""
-    heads = net.feat_map.weight.unflatten(0, (net.part.n_samples, -1))
-    net.feat_map.weight.copy_(heads[errors.argsort()].flatten(0, 1))
 
 
 def root_mean_square(clips: Clips) -> float:

@@ -48,6 +48,8 @@ def train_prior(
     Raises:
         RunError
     """
+    if config.small_codebook:
+        net.quantize.shrink(config.seed)
     train(Stage1(net, *clips, config), config, folder, progress)
     file = folder / STAGE1_FILE
     save_stage1(net, file)

@@ -8,7 +8,10 @@ from torch import Tensor, nn
 from facecode.arrays import Audio
 from facecode.level import normalise
 from facecode_exporter.data.clips import Clips
+from facecode_exporter.errors import RunError
 from facecode_exporter.nets.speech import family_of, n_frames
+from facecode_exporter.nets.wav2vec2 import Wav2Vec2
+from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.streamed_rows import random_plan, streamed_rows, whole_seconds
 from facecode_spec.schema import SystemSpec
 
@@ -21,10 +24,25 @@ class SpeechRows:
         system: SystemSpec,
         encoder: nn.Module,
         splits: dict[str, Clips],
+        config: TrainingConfig,
         trained: bool,
     ) -> None:
-        """Freeze the encoder, or train all of it but what its family keeps frozen."""
+        """Freeze the encoder, or train all of it but what its family keeps frozen.
+
+        Raises:
+            RunError: the configuration asks of the encoder what its family does not do.
+        """
         self.system, self.encoder, self.splits, self.trained = system, encoder, splits, trained
+        disturbances = (config.mask_share, config.layer_drop, config.encoder_dropout)
+        self._wav2vec2 = encoder if isinstance(encoder, Wav2Vec2) else None
+        self._is_aligned = config.aligned_speech
+        if self._wav2vec2 is not None:
+            self._wav2vec2.disturb(*disturbances)
+        elif any(disturbances) or config.aligned_speech:
+            raise RunError(
+                "mask_share, layer_drop, encoder_dropout and aligned_speech are of wav2vec 2.0; "
+                f"{system.name} hears through {system.speech_encoder.family}"
+            )
         encoder.requires_grad_(trained)
         for name, parameter in encoder.named_parameters():
             if name.startswith(family_of(system).frozen):
@@ -57,7 +75,11 @@ class SpeechRows:
 
     def _encode(self, split: str, index: int) -> Tensor:
         audio = self.splits[split].audio(index)
-        return self._rows(normalise(audio) if self.system.speech_encoder.normalise else audio)
+        heard = normalise(audio) if self.system.speech_encoder.normalise else audio
+        if self._wav2vec2 is None or not self._is_aligned:
+            return self._rows(heard)
+        length = self.lengths[split][index]
+        return self._wav2vec2.aligned(torch.from_numpy(heard)[None], length)[0]
 
     def _rows(self, audio: Audio) -> Tensor:
         speech: Tensor = self.encoder(torch.from_numpy(audio)[None])[0]
@@ -75,8 +97,10 @@ class SpeechRows:
         return rows if missing <= 0 else torch.cat([rows, rows[-per_frame:].repeat(missing, 1)])
 
     def _frames(self, clips: Clips) -> list[int]:
-        """Frames that both the motion and the speech of each clip have."""
+        """Frames that both the motion and the speech of each clip have, or are stretched to."""
         spec, fps = self.system.speech_encoder, self.system.fps
+        if self._is_aligned and spec.frame_grid != "pairs":
+            return [len(clips.offsets(i)) for i in range(len(clips.names))]
         return [
             min(len(clips.offsets(i)), n_frames(spec, fps, len(clips.audio(i))))
             for i in range(len(clips.names))

@@ -24,6 +24,7 @@ class Stage1:
         self, net: VQAutoencoder, train: Clips, val: Clips, config: TrainingConfig
     ) -> None:
         self.trained, self.config = net, config
+        net.drop(config.position_dropout)
         self.motion = {"train": _load(train), "val": _load(val)}
         self._used = torch.zeros(net.quantize.embedding.num_embeddings, dtype=torch.int64)
         self._recent: list[Tensor] = []

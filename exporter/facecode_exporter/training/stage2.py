@@ -1,4 +1,4 @@
-"""Stage 2: speech to code features, teacher forced, the motion prior frozen (section 3.3).
+"""Stage 2: speech to code features, teacher forced, the motion prior frozen (section 3.2).
 
 Token 0 is the style embedding alone, as it is when the system is used; the public training code
 adds the embedding of a zero motion there, which differs by that layer's bias.
@@ -33,9 +33,10 @@ class Stage2:
         self.net, self.config = net, config
         self.trained: nn.Module = net
         net.autoencoder.requires_grad_(False)
+        net.drop(config.decoder_dropout)
         self.splits = {"train": train, "val": val}
         self.speech = SpeechRows(
-            net.system, net.audio_encoder, self.splits, config.fine_tune_speech
+            net.system, net.audio_encoder, self.splits, config, config.fine_tune_speech
         )
         self.open = {split: self._open_frames(clips) for split, clips in self.splits.items()}
 

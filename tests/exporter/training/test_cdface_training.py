@@ -16,7 +16,8 @@ from facecode_exporter.face_parts import part_vertices, variant
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.training import run
 from facecode_exporter.training.config import cdface_defaults
-from facecode_exporter.training.query import QueryStage, sort_heads, start_from_one, unprompted
+from facecode_exporter.training.heads import sort_heads, start_from_one
+from facecode_exporter.training.query import QueryStage, unprompted
 from facecode_spec.systems import SYSTEMS
 
 TINY = SYSTEMS["cdface-tiny"]

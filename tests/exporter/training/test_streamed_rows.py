@@ -91,6 +91,7 @@ def options_of(kind, root):
 def test_every_stage_that_hears_speech_hears_streams(kind, tmp_path, monkeypatch, capsys):
     """As often as asked for, in training alone; none is the training without the option."""
     options = [*options_of(kind, tmp_path), "--epochs", "1", "--crop-frames", "9", "--quiet"]
+    options.append("--random-speech-encoder")
     stage = "stage2" if kind == "codetalker" else kind
 
     def train(out, stage, *more):
