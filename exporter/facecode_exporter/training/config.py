@@ -49,8 +49,8 @@ class TrainingConfig:
     """Stage 2 and cdface: share of the speech features that are dropped in training. Not in the
     paper; keeps a decoder that has heard few voices from leaning on what is theirs alone."""
     streamed_share: float = 0.0
-    """Stage 2: share of the clips of a batch whose speech is encoded as a stream hears it, under
-    random plans; see `streamed_rows`. Not in the paper."""
+    """Share of the training clips whose speech is encoded as a stream hears it, each under a plan
+    of its own; see `streamed_rows`. Not in the paper."""
     closed_weight: float = 1.0
     """Stage 2: how many times a frame counts in which the true mouth is closed. Not in the paper;
     short closures are few frames, and a mean over all leaves them half open."""

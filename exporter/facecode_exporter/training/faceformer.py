@@ -28,7 +28,11 @@ class FaceFormerStage:
         self.trained: nn.Module = net
         self.splits = {"train": train, "val": val}
         self.speech = SpeechRows(
-            net.system, net.audio_encoder, self.splits, config.fine_tune_speech
+            net.system,
+            net.audio_encoder,
+            self.splits,
+            config.fine_tune_speech,
+            config.streamed_share,
         )
         net.drop(config.decoder_dropout)
 

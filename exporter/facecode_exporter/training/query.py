@@ -69,7 +69,11 @@ class QueryStage:
         self.net.autoencoder.requires_grad_(False)
         self.splits = {"train": train, "val": val}
         self.speech = speech or SpeechRows(
-            net.system, net.audio_encoder, dict(self.splits), place == 0 and config.fine_tune_speech
+            net.system,
+            net.audio_encoder,
+            dict(self.splits),
+            place == 0 and config.fine_tune_speech,
+            config.streamed_share,
         )
         self.open = {
             s: clips.open_mouth(self.losses.closed_below) for s, clips in self.splits.items()

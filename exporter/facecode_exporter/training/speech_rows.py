@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
-from facecode.arrays import Audio
+from facecode.arrays import Float32
 from facecode.level import normalise
 from facecode_exporter.data.clips import Clips
 from facecode_exporter.nets.speech import family_of, n_frames
@@ -41,14 +42,15 @@ class SpeechRows:
         """Rows of the frames [start, start + n) of each (clip, start, n): (B, n * rows, width)."""
         rows = self.system.speech_encoder.memory_rows_per_frame
         heard = [
-            (self._clip(split, i, self._is_streamed(split)), start, n) for i, start, n in group
+            (self._clip(split, i, self._is_streamed(split, i)), start, n) for i, start, n in group
         ]
         return torch.stack([clip[start * rows : (start + n) * rows] for clip, start, n in heard])
 
-    def _is_streamed(self, split: str) -> bool:
+    def _is_streamed(self, split: str, index: int) -> bool:
+        """The same clips in every run and epoch, so that each is encoded once."""
         if not self.streamed_share or split != "train":
             return False
-        return bool(torch.rand(()) < self.streamed_share)
+        return bool(np.random.default_rng(index).random() < self.streamed_share)
 
     def _clip(self, split: str, index: int, is_streamed: bool) -> Tensor:
         encode = self._encode_streamed if is_streamed else self._encode
@@ -63,10 +65,11 @@ class SpeechRows:
 
     def _encode(self, split: str, index: int) -> Tensor:
         audio = self.splits[split].audio(index)
-        return self._rows(normalise(audio) if self.system.speech_encoder.normalise else audio)
+        wanted = normalise(audio) if self.system.speech_encoder.normalise else audio
+        return self._rows(wanted[None])[0]
 
-    def _rows(self, audio: Audio) -> Tensor:
-        speech: Tensor = self.encoder(torch.from_numpy(audio)[None])[0]
+    def _rows(self, audio: Float32) -> Tensor:
+        speech: Tensor = self.encoder(torch.from_numpy(audio))
         return speech
 
     def _encode_streamed(self, split: str, index: int) -> Tensor:
