@@ -26,7 +26,7 @@ IDENTITIES = 6
 """Identities that the bundle carries, that of its template included."""
 LICENCE = (
     "MIT, with parts: speech encoder from Whisper tiny.en (MIT, OpenAI); head from the MakeHuman "
-    "base mesh and the Face Units pack by Mika Suominen (CC0 1.0). Trained on generated speech, and "
+    "base mesh and the Face Units pack by Mika Suominen (CC0 1.0). Trained on generated speech and "
     "on speech and tracked lips of speaker s1 of the GRID corpus (Cooke, Barker, Cunningham and "
     "Shao 2006, CC BY 4.0); neither voice nor face is to be presented as that person's."
 )
