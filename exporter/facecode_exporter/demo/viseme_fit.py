@@ -47,7 +47,7 @@ SHY = {"mouthRollLower": "FVPBM", "mouthShrugLower": "", "mouthShrugUpper": "", 
 """Units that only the sounds named may use freely."""
 TOUCHING_MM = 0.5
 """Lips may overlap by so much; further on the head they would pass through each other."""
-FIRMER_SILENCE = 1.75
+FIRMER_SILENCE = 5.0
 """The speaker parts his lips long before he speaks; generated speech rests in its silences."""
 SMALLEST = 0.03
 """Weights below it are left out of a shape."""
