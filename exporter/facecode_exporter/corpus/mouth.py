@@ -79,12 +79,12 @@ def _target(phone: Phone, loudness: Float32, style: Style, fps: float) -> Float3
     gain = unit_weights() + 1
     gain[_PARTS[LIPS]] = style.lips
     gain[_PARTS[JAW]] = style.jaw
+    gain[UNIT["mouthClose"]] = style.jaw  # or shut lips part where the jaw opens wider
     if phone.name in VOWELS:
         levels = loudness[round(phone.start_s * fps) : round(phone.end_s * fps) + 1]
         level = float(np.quantile(levels, 0.75)) if len(levels) else TYPICAL_DB
         louder = 1 + (level - TYPICAL_DB) * TIMING.jaw_per_db
         gain[_PARTS[JAW]] *= np.clip(louder, QUIETEST_GAIN, LOUDEST_GAIN)
-    gain[UNIT["mouthClose"]] = gain[UNIT["jawOpen"]]  # or shut lips part as the jaw opens wider
     return VISEMES[phone.name].shape * gain
 
 
