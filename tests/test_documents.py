@@ -74,3 +74,41 @@ def test_every_option_is_explained(program, monkeypatch, capsys):
         module.parse_args(["--version"])
     bare = [names for names in bare if names not in {("--version",), ("-h", "--help")}]
     assert not bare
+
+
+def test_extras_are_installed_from_a_clone():
+    """The name on the package index is not ours: every line that installs says where from."""
+    lines = [line for page in PAGES for line in page.read_text().splitlines()]
+    sources = (ROOT / "runtime").rglob("*.py")
+    lines += [line for file in sources for line in file.read_text().splitlines()]
+    assert not [line for line in lines if re.search(r"pip install '?facecode\b", line)]
+
+
+@pytest.mark.parametrize(
+    ("program", "command", "words"),
+    [
+        ("facecode", "", "facecode demo"),
+        ("facecode", "animate", "--samples 5"),
+        ("facecode", "animate", "default: the bundle's first"),
+        ("facecode-export", "export", "smallest code margin"),
+        ("facecode-export", "export", "the public .pth.tar"),
+        ("facecode-export", "train", "templates.pkl"),
+    ],
+)
+def test_help_answers_a_newcomer(program, command, words, capsys):
+    import importlib
+
+    with pytest.raises(SystemExit):
+        importlib.import_module(PROGRAMS[program]).parse_args([*command.split(), "--help"])
+    assert words in " ".join(capsys.readouterr().out.split())
+
+
+def test_test_systems_are_taken_and_not_offered(capsys):
+    from facecode_exporter.cli.main import parse_args
+
+    assert parse_args(["init", "--system", "cdface-tiny", "--out", "x"]).system == "cdface-tiny"
+    with pytest.raises(SystemExit):
+        parse_args(["init", "--system", "nosuch", "--out", "x"])
+    err = capsys.readouterr().err
+    assert "codetalker-vocaset" in err
+    assert "tiny" not in err

@@ -74,7 +74,7 @@ def test_exporter_names_the_missing_extra(fresh, tmp_path):
         text=True,
     )
     assert done.returncode == 2
-    assert "pip install 'facecode[export]'" in done.stderr
+    assert "pip install '.[export]'" in done.stderr
 
 
 def test_film_names_the_missing_extra(fresh, tmp_path):
@@ -85,7 +85,10 @@ def test_film_names_the_missing_extra(fresh, tmp_path):
         text=True,
     )
     assert done.returncode == 2
-    assert done.stderr == "facecode: writing .mp4 needs av: pip install 'facecode[video]'\n"
+    assert (
+        done.stderr
+        == "facecode: writing .mp4 needs av; in a clone of facecode: pip install '.[video]'\n"
+    )
 
 
 def test_start_up(fresh, tmp_path):
@@ -104,3 +107,15 @@ def test_start_up(fresh, tmp_path):
         return float(done.stdout)
 
     assert min(import_s() for _ in range(4)) < 0.4
+
+
+def test_a_frozen_program_has_the_packaged_models(fresh, tmp_path):
+    """PyInstaller finds our hook, and the one-folder program animates with what it carries."""
+    subprocess.run([fresh / "pip", "install", "-q", "pyinstaller>=6"], check=True)
+    (tmp_path / "app.py").write_text("from facecode.cli import main\n\nmain()\n")
+    build = [fresh / "pyinstaller", "--log-level", "ERROR", "--onedir", "app.py"]
+    subprocess.run(build, cwd=tmp_path, check=True)
+    command = [tmp_path / "dist/app/app", "animate", SPEECH, "-o", "talk.npz", "--quiet"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    with np.load(tmp_path / "talk.npz") as talk:
+        assert talk["vertices"].shape[1] == 5886

@@ -20,8 +20,8 @@ from facecode_exporter.nets.networks import network_of
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.nets.sinusoid import sinusoid
 from facecode_exporter.nets.speech_decoder import SpeechDecoder
-from facecode_exporter.nets.vq_autoencoder import TemporalTrunk, VQAutoencoder
-from facecode_exporter.state_files import State, fill, listed, read_state
+from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
+from facecode_exporter.state_files import State, fill, listed, read_state, save_state
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
 
@@ -109,7 +109,7 @@ def save_stage2(part: PartNet, audio_encoder: nn.Module, stage2: Path) -> None:
     second |= {f"{AUDIO}{k}": v.clone() for k, v in audio_encoder.state_dict().items()}
     unfold_weight_norm(second)
     second[POSITIONS] = position_table(part)
-    torch.save({"state_dict": second}, stage2)
+    save_state({"state_dict": second}, stage2)
 
 
 def save_stage1(autoencoder: VQAutoencoder, stage1: Path) -> None:
@@ -118,7 +118,7 @@ def save_stage1(autoencoder: VQAutoencoder, stage1: Path) -> None:
     hidden = autoencoder.decoder.constant.shape[0]
     for side in ("encoder", "decoder"):
         state[f"{side}.{side}_pos_embedding.pe"] = sinusoid(5000, hidden)[:, None]
-    torch.save({"state_dict": state}, stage1)
+    save_state({"state_dict": state}, stage1)
 
 
 def load_stage1(autoencoder: VQAutoencoder, stage1: Path) -> None:
@@ -128,9 +128,8 @@ def load_stage1(autoencoder: VQAutoencoder, stage1: Path) -> None:
         CheckpointNotFoundError, CheckpointError.
     """
     state = read_state(stage1)
-    for side, trunk in (("encoder", autoencoder.encoder), ("decoder", autoencoder.decoder)):
-        _take_constant(trunk, state.pop(f"{side}.{side}_pos_embedding.pe", None))
-    if problems := fill(autoencoder, state, f"stage 1, {stage1}"):
+    problems = _take_constants(autoencoder, state, f"stage 1, {stage1}")
+    if problems := [*problems, *fill(autoencoder, state, f"stage 1, {stage1}")]:
         raise CheckpointError(listed(problems))
 
 
@@ -175,7 +174,7 @@ def fold_weight_norm(state: State) -> None:
     for g_name, v_name in WEIGHT_NORM_NAMES:
         if g_name in state and v_name in state:
             g, v = state.pop(g_name), state.pop(v_name)
-            if g.shape == (1, 1, v.shape[-1]):
+            if v.dim() == 3 and g.shape == (1, 1, v.shape[-1]):
                 state[f"{CONV}.weight"] = v * (g / _norm_over_channels(v))
             else:
                 state[g_name], state[v_name] = g, v  # reported as keys that do not fit
@@ -183,9 +182,10 @@ def fold_weight_norm(state: State) -> None:
 
 def _fill_part(net: PartNet, first: State, second: State, stage1: Path, stage2: Path) -> list[str]:
     """Fill a part from the states of its files; what does not fit comes back."""
-    _take_position_codes(net, first, second)
     second = {k: v for k, v in second.items() if not k.startswith("autoencoder.")}
     return [
+        *_take_constants(net.autoencoder, first, f"stage 1, {stage1}"),
+        *take_position_table(net, second, f"stage 2, {stage2}"),
         *fill(net.autoencoder, first, f"stage 1, {stage1}"),
         *fill(net, second, f"stage 2, {stage2}", skip=NOT_STAGE2),
     ]
@@ -201,36 +201,44 @@ def _require_same(encoder: State, other: State, file: Path) -> None:
         )
 
 
-def _take_position_codes(net: PartNet, first: State, second: State) -> None:
-    """Use the tables that the files carry, where they carry them."""
-    for side, trunk in (("encoder", net.autoencoder.encoder), ("decoder", net.autoencoder.decoder)):
-        _take_constant(trunk, first.pop(f"{side}.{side}_pos_embedding.pe", None))
-    take_position_table(net, second)
-
-
 def position_table(net: SpeechDecoder) -> Tensor:
     """The position code as released files carry it, repeated over 600 frames and a bit."""
     return net.position_code.repeat(600 // len(net.position_code) + 1, 1)[None]
 
 
-def take_position_table(net: SpeechDecoder, state: State) -> None:
-    """Use the position code that a file carries, if it carries one."""
-    table = state.pop(POSITIONS, None)
-    if table is not None and table.shape[-1] == net.position_code.shape[1]:
-        rows = table.reshape(-1, table.shape[-1])
-        net.position_code.copy_(rows[: len(net.position_code)])
+def take_position_table(net: SpeechDecoder, state: State, origin: str) -> list[str]:
+    """Use the position code that a file carries, if it carries one; what does not fit is told."""
+    return _take_rows(net.position_code, state, POSITIONS, origin)
 
 
-def _take_constant(trunk: TemporalTrunk, table: Tensor | None) -> None:
-    """Row 0 of a position table, which is what every frame gets."""
-    if table is not None and table.numel() and table.shape[-1] == trunk.constant.shape[0]:
-        trunk.constant.copy_(table.reshape(-1, table.shape[-1])[0])
+def _take_constants(autoencoder: VQAutoencoder, state: State, origin: str) -> list[str]:
+    """Row 0 of the position tables that a file carries, which is what every frame gets."""
+    problems = []
+    for side, trunk in (("encoder", autoencoder.encoder), ("decoder", autoencoder.decoder)):
+        name = f"{side}.{side}_pos_embedding.pe"
+        problems += _take_rows(trunk.constant[None], state, name, origin)
+    return problems
+
+
+def _take_rows(wanted: Tensor, state: State, name: str, origin: str) -> list[str]:
+    """Take `name` out of a state, and its first rows into `wanted` (n, dim)."""
+    table = state.pop(name, None)
+    if table is None:
+        return []
+    n, dim = wanted.shape
+    if table.dim() == 0 or table.shape[-1] != dim or table.numel() < n * dim:
+        return [f"{origin}: {name} is {tuple(table.shape)}, expected {n} rows or more of {dim}"]
+    rows = table.reshape(-1, dim)[:n]
+    if not torch.isfinite(rows).all():
+        return [f"{origin}: {name} holds NaN or infinite values"]
+    wanted.copy_(rows)
+    return []
 
 
 def other_system_hint(system: SystemSpec, output_weight: Tensor | None) -> str:
     """Which system of the family has the vertices of a file's output layer (3V, E)."""
     for name, other in SYSTEMS.items():
-        fits = output_weight is not None and output_weight.shape[0] == 3 * other.n_vertices
+        fits = output_weight is not None and output_weight.shape[:1] == (3 * other.n_vertices,)
         if fits and other.family == system.family and other.n_vertices != system.n_vertices:
             return f"\n  The number of vertices fits --system {name}"
     return ""

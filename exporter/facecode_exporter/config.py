@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import yaml
 
 from facecode_exporter.errors import ConfigError
 from facecode_exporter.nets.speech import family_of, samples_for
+from facecode_exporter.system_size import n_numbers
 from facecode_spec.plain import SpecError
 from facecode_spec.schema import (
     CodebookSpec,
@@ -34,6 +36,7 @@ from facecode_spec.systems import (
 FORMS = {"vocaset": codetalker_vocaset.SPEC, "BIWI": codetalker_biwi.SPEC}
 ONE_FILE_FORMS = {"vocaset": faceformer_vocaset.SPEC, "BIWI": faceformer_biwi.SPEC}
 AUTOENCODERS = {f"stage1_{dataset}": system.parts[0] for dataset, system in FORMS.items()}
+MOST_NUMBERS = 4_000_000_000  # in the networks of a system: 16 GB
 # Fields of a Hugging Face file that say where it came from, not what the network is.
 PROVENANCE = {"_name_or_path", "architectures", "dtype", "torch_dtype", "transformers_version"}
 
@@ -56,9 +59,18 @@ def system_from_config(config: Path, wav2vec2_config: Path | None = None) -> Sys
         )
     try:
         system = (_codetalker if has_sections else _faceformer)(fields, form, config)
+        _check_size(system, config)
     except SpecError as error:
         raise ConfigError(f"{config}: {error}") from error
     return system if wav2vec2_config is None else with_encoder_config(system, wav2vec2_config)
+
+
+def _check_size(system: SystemSpec, config: Path) -> None:
+    if (n := n_numbers(system)) > MOST_NUMBERS:
+        raise ConfigError(
+            f"{config}: these sizes make a network of {n:,} numbers; expected no more than "
+            f"{MOST_NUMBERS:,}"
+        )
 
 
 def _codetalker(fields: Mapping[str, Any], form: SystemSpec, config: Path) -> SystemSpec:
@@ -222,11 +234,13 @@ def _number(fields: Mapping[str, Any], key: str, config: Path) -> float:
     value = _need(fields, key, config)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ConfigError(f"{config}: {key} is {value!r}; expected a number")
-    return float(value)
+    return float(value) if -1e300 < value < 1e300 else math.inf  # 1 with 400 noughts is no float
 
 
 def _whole(fields: Mapping[str, Any], key: str, config: Path) -> int:
     value = _number(fields, key, config)
-    if value != int(value) or value < 0:
-        raise ConfigError(f"{config}: {key} is {value}; expected a whole number")
+    if not value.is_integer() or not 0 <= value <= MOST_NUMBERS:
+        raise ConfigError(
+            f"{config}: {key} is {fields[key]}; expected a whole number of 0 to {MOST_NUMBERS:,}"
+        )
     return int(value)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import torch
-
 from facecode_exporter.checkpoints import (
     POSITIONS,
     fold_weight_norm,
@@ -16,7 +14,7 @@ from facecode_exporter.checkpoints import (
 )
 from facecode_exporter.errors import CheckpointError
 from facecode_exporter.nets.faceformer import FaceFormer
-from facecode_exporter.state_files import fill, listed, read_state
+from facecode_exporter.state_files import fill, listed, read_state, save_state
 from facecode_spec.schema import SystemSpec
 
 
@@ -36,8 +34,8 @@ def load_faceformer(system: SystemSpec, checkpoint: Path) -> FaceFormer:
         )
     net = FaceFormer(system)
     fold_weight_norm(state)
-    take_position_table(net, state)
-    if problems := fill(net, state, str(checkpoint)):
+    problems = take_position_table(net, state, str(checkpoint))
+    if problems := [*problems, *fill(net, state, str(checkpoint))]:
         raise CheckpointError(
             f"the checkpoint does not fit {system.name}, {listed(problems)}"
             + other_system_hint(system, state["vertice_map_r.weight"])
@@ -50,4 +48,4 @@ def save_faceformer(net: FaceFormer, checkpoint: Path) -> None:
     state = {name: value.clone() for name, value in net.state_dict().items()}
     unfold_weight_norm(state)
     state[POSITIONS] = position_table(net)
-    torch.save(state, checkpoint)
+    save_state(state, checkpoint)

@@ -16,6 +16,9 @@ Family = Literal["codetalker", "cdface", "faceformer"]
 PartKind = Literal["codes", "offsets"]
 UpAxis = Literal["x", "y", "z"]
 
+LARGEST = 1_000_000
+"""Of a width or count: no system comes near it, and memory for it can be had."""
+
 
 @dataclass(frozen=True)
 class SpeechEncoderSpec:
@@ -41,6 +44,11 @@ class SpeechEncoderSpec:
         return 2 if self.frame_grid == "pairs" else 1
 
 
+def _check_sizes(spec: object, *sizes: int) -> None:
+    if not all(1 <= size <= LARGEST for size in sizes):
+        raise SpecError(f"got {spec}; expected sizes of 1 to {LARGEST:,}")
+
+
 @dataclass(frozen=True)
 class CodebookSpec:
     """The discrete motion prior: N codes of C numbers, H of them a frame."""
@@ -48,6 +56,9 @@ class CodebookSpec:
     n_codes: int
     codes_per_frame: int
     dim: int
+
+    def __post_init__(self) -> None:
+        _check_sizes(self, self.n_codes, self.codes_per_frame, self.dim)
 
 
 @dataclass(frozen=True)
@@ -62,9 +73,7 @@ class CrossModalDecoderSpec:
     """Frames after which the position code repeats and the attention bias takes a step."""
 
     def __post_init__(self) -> None:
-        sizes = (self.dim, self.n_layers, self.n_heads, self.dim_feedforward, self.period)
-        if min(sizes) < 1:
-            raise SpecError(f"got {self}; expected sizes of 1 or more")
+        _check_sizes(self, self.dim, self.n_layers, self.n_heads, self.dim_feedforward, self.period)
 
 
 @dataclass(frozen=True)
@@ -83,6 +92,11 @@ class MotionDecoderSpec:
     output_bias: bool = True
     kernel: int = 5
     """Taps of the convolution, centred on the frame that they give."""
+
+    def __post_init__(self) -> None:
+        _check_sizes(self, self.dim, self.n_layers, self.n_heads, self.dim_feedforward)
+        if not 0 <= self.negative_slope < 1:
+            raise SpecError(f"got a negative slope of {self.negative_slope}; expected 0 to 1")
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from facecode.errors import (
     UnsafePathError,
 )
 from facecode.external_data import external_files
+from facecode.npy import read_npy
 from facecode_spec.entries import GraphEntry
 from facecode_spec.manifest import Manifest
 
@@ -62,8 +63,8 @@ def load_array(root: Path, name: str, shape: tuple[int, ...], dtype: type[np.gen
         ManifestError: not an array of that shape and dtype.
     """
     try:
-        array: AnyArray = np.load(safe_path(root, name), allow_pickle=False)
-    except (ValueError, EOFError) as error:
+        array = read_npy(safe_path(root, name))
+    except (ValueError, OSError) as error:
         raise ManifestError(f"{name} is not a numpy array: {error}") from error
     fits = array.ndim == len(shape) and all(
         want in (-1, got) for want, got in zip(shape, array.shape, strict=True)

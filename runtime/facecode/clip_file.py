@@ -17,6 +17,7 @@ from facecode.animation import Animation
 from facecode.arrays import AnyArray
 from facecode.clip import Rig
 from facecode.errors import ClipFileError, ClipNotFoundError
+from facecode.npy import read_array
 
 LARGEST_SHARE = 64
 """How many times its size a file may unpack to; rigs take a twentieth of theirs."""
@@ -85,18 +86,10 @@ def read_arrays(path: Path) -> dict[str, AnyArray]:
 
 def _read(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> AnyArray:
     with archive.open(info) as member:
-        stream = cast(BinaryIO, member)
-        version = np.lib.format.read_magic(stream)
-        if version != (1, 0):
-            raise ClipFileError(f"{name} has an array header of version {version}; expected 1.0")
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-        n_bytes = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
-        if dtype.kind not in KINDS[name] or fortran or n_bytes > info.file_size:
-            raise ClipFileError(f"{name} is {dtype} {shape}, of {info.file_size:,} bytes")
-        data = member.read(n_bytes)
-    if len(data) != n_bytes:
-        raise ClipFileError(f"{name} ends after {len(data):,} of {n_bytes:,} bytes")
-    return np.frombuffer(bytearray(data), dtype).reshape(shape)
+        array = read_array(cast(BinaryIO, member), info.file_size)
+    if array.dtype.kind not in KINDS[name]:
+        raise ClipFileError(f"{name} is {array.dtype} {array.shape}")
+    return array
 
 
 def _check(name: str, arrays: Mapping[str, AnyArray], vertices: AnyArray, codes: AnyArray) -> None:

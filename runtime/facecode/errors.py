@@ -243,4 +243,4 @@ class MissingExtraError(FacecodeError, ImportError):
     @classmethod
     def of(cls, what: str, package: str, extra: str) -> MissingExtraError:
         """The error for `what`, which needs `package` out of the extra `extra`."""
-        return cls(f"{what} needs {package}: pip install 'facecode[{extra}]'")
+        return cls(f"{what} needs {package}; in a clone of facecode: pip install '.[{extra}]'")

@@ -114,7 +114,7 @@ def session_options(compute: Compute) -> ort.SessionOptions:
     # Without VNNI the fast product of u8 by s8 adds pairs in 16 bits and saturates: on such
     # processors onnxruntime then takes a slower product that is right. Nothing changes elsewhere.
     options.add_session_config_entry("session.x64quantprecision", "1")
-    options.log_severity_level = 3  # errors; they also come as exceptions
+    options.log_severity_level = 4  # fatal alone: errors come as exceptions
     return options
 
 

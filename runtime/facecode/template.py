@@ -11,6 +11,7 @@ import numpy as np
 
 from facecode.arrays import AnyArray, Faces, Template
 from facecode.errors import TemplateError
+from facecode.npy import read_npy
 
 TemplateSource: TypeAlias = "str | os.PathLike[str] | AnyArray"
 
@@ -95,7 +96,7 @@ def read_mesh(path: Path) -> tuple[AnyArray, Faces | None]:
         raise TemplateError(f"template {path} has an unknown type; expected .npy, .ply or .obj")
     try:
         if suffix == ".npy":
-            return np.load(path, allow_pickle=False), None
+            return read_npy(path), None
         if suffix == ".obj":
             return _read_obj(path.read_text(encoding="utf-8", errors="replace"))
         return _read_ply(path)
@@ -106,7 +107,11 @@ def read_mesh(path: Path) -> tuple[AnyArray, Faces | None]:
 def _read_ply(path: Path) -> tuple[AnyArray, Faces | None]:
     import trimesh
 
-    mesh = trimesh.load(path, process=False, fix_texture=False)  # keep the order of the file
+    # In the order of the file, and without the pictures that it names, wherever they lie.
+    with path.open("rb") as file:
+        mesh = trimesh.load(
+            file, file_type="ply", process=False, fix_texture=False, skip_materials=True
+        )
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int32)
     return np.asarray(mesh.vertices), faces if faces.size else None
 

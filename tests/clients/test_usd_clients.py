@@ -12,7 +12,7 @@ from facecode import writers
 from facecode.clip import Rig
 
 pytestmark = pytest.mark.clients
-pxr = pytest.importorskip("pxr", reason="no usd-core: pip install 'facecode[usd]'")
+pxr = pytest.importorskip("pxr", reason="no usd-core: pip install '.[usd]'")
 
 MEAN_MM, GREATEST_MM, EXACT_MM = 0.02, 0.6, 1e-4
 SUFFIXES = (".usda", ".usdz", ".usdc")

@@ -1,5 +1,6 @@
 """Public checkpoint files in all their spellings, and files that are none."""
 
+import argparse
 import pickle
 
 import pytest
@@ -169,7 +170,7 @@ class Malice:
         return print, ("code from a checkpoint ran",)
 
 
-@pytest.mark.parametrize("content", [b"", b"hello", b"PK\3\4broken", pickle.dumps(Malice())])
+@pytest.mark.parametrize("content", [b"hello", b"PK\3\4broken", pickle.dumps(Malice())])
 def test_not_a_checkpoint(tmp_path, capsys, content):
     file = tmp_path / "stage1.pth.tar"
     file.write_bytes(content)
@@ -201,3 +202,114 @@ def test_random_weights_follow_the_seed_and_leave_torch_alone(net):
 def test_alibi_slopes():
     assert alibi_slopes(4) == [2**-2, 2**-4, 2**-6, 2**-8]
     assert alibi_slopes(3) == [2**-4, 2**-8, 2**-2]
+
+
+@pytest.mark.parametrize(
+    ("head", "what"),
+    [
+        (b"<!DOCTYPE html>", "a web page"),
+        (b"\n <html>", "a web page"),
+        (b"version https://git-lfs.github.com/spec/v1", "a Git LFS pointer"),
+        ((64).to_bytes(8, "little") + b'{"a":', "a safetensors file"),
+        (b"\x1f\x8b\x08", "a compressed archive"),
+        (b"\0" * 257 + b"ustar", "a tar archive"),
+        (b"", "is empty"),
+        (b"\x80\x02}q\x00.", "damaged"),
+        (b"\x80\x02K\x01.", "damaged"),
+        (b"\x80\x04]\x94", "damaged or cut short"),
+    ],
+)
+def test_what_people_take_for_a_checkpoint(tmp_path, head, what):
+    file = tmp_path / "stage1.pth.tar"
+    file.write_bytes(head)
+    with pytest.raises(CheckpointError, match=what) as caught:
+        read_state(file)
+    assert "weights_only" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(CheckpointNotFoundError, match="a folder, not a file"):
+        read_state(tmp_path)
+
+
+def test_objects_beside_the_weights_are_named(tmp_path):
+    file = tmp_path / "stage1.pth.tar"
+    args = argparse.Namespace(lr=1)
+    torch.save({"state_dict": {"a": torch.ones(2)}, "args": args}, file)
+    with pytest.raises(CheckpointError, match=r"objects of argparse\.Namespace beside") as caught:
+        read_state(file)
+    assert "\n" not in str(caught.value)
+    torch.jit.save(torch.jit.script(torch.nn.Linear(2, 2)), file)
+    with pytest.raises(CheckpointError, match="TorchScript"):
+        read_state(file)
+
+
+@pytest.mark.parametrize(
+    "holder", ["state_dict", "model_state_dict", "model", "net", "network", "ema", None]
+)
+@pytest.mark.parametrize("prefix", ["", "module.", "_orig_mod.", "_orig_mod.module."])
+def test_wherever_programs_put_the_weights(tmp_path, holder, prefix):
+    file = tmp_path / "stage1.pth.tar"
+    state = {f"{prefix}a.b": torch.ones(2).half(), "n_averaged": torch.tensor(3)}
+    more = {"epoch": 3, "optimizer": {"lr": 1.0}, "best": 0.1}
+    torch.save({**more, holder: state} if holder else {**more, **state}, file)
+    assert {k: v.tolist() for k, v in read_state(file).items()} == {"a.b": [1.0, 1.0]}
+
+
+def test_wrappers_within_names_and_nested_holders(tmp_path):
+    file = tmp_path / "a.pth"
+    torch.save({"model": {"state_dict": {"encoder._orig_mod.module.w": torch.ones(1)}}}, file)
+    assert set(read_state(file)) == {"encoder.w"}
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ({"model": {"a": torch.ones(1)}, "ema": {"a": torch.ones(1)}}, "several sets of weights"),
+        ({"a": torch.ones(1), "module.a": torch.ones(1)}, "'a' twice"),
+        ({"a": torch.ones(2, dtype=torch.int64)}, "torch.int64"),
+        ({"a": torch.ones(2, dtype=torch.complex64)}, "torch.complex64"),
+        ({"a": torch.eye(2).to_sparse()}, "sparse"),
+        ({"a": torch.ones(1).expand(100_000, 100_000)}, "more than it can hold"),
+        ([torch.ones(1)], "holds list"),
+        (torch.ones(1), "holds Tensor"),
+    ],
+)
+def test_weights_of_another_kind(tmp_path, content, words):
+    torch.save(content, tmp_path / "a.pth")
+    with pytest.raises(CheckpointError, match=words):
+        read_state(tmp_path / "a.pth")
+
+
+@pytest.mark.parametrize("shape", [(), (1, 29, 32), (1, 630, 31), (0, 32)])
+def test_position_tables_that_do_not_fit(files, shape):
+    """The tiny system has a period of 30."""
+    edit(files[1], lambda s: {**s, "PPE.pe": torch.zeros(shape)})
+    with pytest.raises(CheckpointError, match=r"PPE\.pe is .*expected 30 rows or more of 32"):
+        load_system(TINY, files[:1], files[1:])
+
+
+@pytest.mark.parametrize("shape", [(), (5000, 1, 31), (0, 1, 32)])
+def test_constants_that_do_not_fit(files, shape):
+    name = "decoder.decoder_pos_embedding.pe"
+    edit(files[0], lambda s: {**s, name: torch.zeros(shape)})
+    with pytest.raises(CheckpointError, match="expected 1 rows or more of 32"):
+        load_system(TINY, files[:1], files[1:])
+    edit(files[0], lambda s: {**s, name: torch.full((5000, 1, 32), float("nan"))})
+    with pytest.raises(CheckpointError, match="pe holds NaN"):
+        load_system(TINY, files[:1], files[1:])
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("shape", [(), (0,), (3,), (2, 2, 2, 2)])
+def test_any_tensor_of_any_shape_is_told(files, which, shape):
+    """No shape of any tensor ends in an error of torch's own."""
+    edit(files[which], lambda s: dict.fromkeys(s, torch.ones(shape)))
+    with pytest.raises(CheckpointError, match="problems"):
+        load_system(TINY, files[:1], files[1:])
+
+
+def test_truncated_anywhere(files):
+    data = files[0].read_bytes()
+    for size in (1, 7, 100, len(data) // 3, len(data) // 2, len(data) - 1):
+        files[0].write_bytes(data[:size])
+        with pytest.raises(CheckpointError, match="damaged or cut short"):
+            read_state(files[0])

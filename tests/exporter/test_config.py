@@ -95,3 +95,56 @@ def test_other_json(tmp_path, text):
     file.write_text(text)
     with pytest.raises(ConfigError):
         with_encoder_config(SYSTEMS["codetalker-biwi"], file)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["n_embed", "face_quan_num", "zquant_dim", "feature_dim", "num_layers", "n_head", "period",
+     "hidden_size", "num_hidden_layers", "num_attention_heads", "intermediate_size", "in_dim",
+     "vertice_dim", "quant_factor", "neg"],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    "value", [0, -1, 1e18, 10**400, float("inf"), float("nan"), "x", [1], {}, True, 2.5]
+)
+def test_sizes_that_are_none(tmp_path, name, value):
+    """Each is one clear line, or a system that can be built; nothing else."""
+    file = changed(tmp_path, **{name: value})
+    if name in ("quant_factor", "neg") and value == 0:
+        system_from_config(file)
+        return
+    with pytest.raises(ConfigError) as caught:
+        system_from_config(file)
+    assert len(str(caught.value)) < 600
+    assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("subjects", "styles"),
+    [
+        ("a b", ("a", "b")),
+        (["a", "b"], ("a", "b")),
+        (["a b", "c"], ("a b", "c")),
+        *((bad, None) for bad in ("", [], [1, 2], ["a", "a"], "a a", {"a": 1}, 7, [["a"]], [""])),
+    ],
+)
+def test_train_subjects(tmp_path, subjects, styles):
+    file = changed(tmp_path, train_subjects=subjects)
+    if styles is None:
+        with pytest.raises(ConfigError, match="train_subjects"):
+            system_from_config(file)
+    else:
+        assert system_from_config(file).styles == styles
+
+
+def test_null_subjects(tmp_path):
+    text = (VOCASET / "config.yaml").read_text()
+    file = tmp_path / "config.yaml"
+    file.write_text(yaml.safe_dump({**(s := yaml.safe_load(text)), "DATA": {**s["DATA"],
+        "train_subjects": None}}))  # fmt: skip
+    with pytest.raises(ConfigError, match="train_subjects is None"):
+        system_from_config(file)
+
+
+def test_networks_that_no_machine_holds(tmp_path):
+    with pytest.raises(ConfigError, match="make a network of"):
+        system_from_config(changed(tmp_path, n_embed=900_000, num_layers=900_000))

@@ -154,7 +154,7 @@ def test_the_published_options_are_the_published_systems(tmp_path):
         ({"vertice_dim": 361}, "vertice_dim is 361; expected a multiple of 3"),
         ({"feature_dim": None}, "feature_dim is missing"),
         ({"feature_dim": 66}, "does not divide into 4 heads"),
-        ({"period": 0}, "period=0.*expected sizes of 1 or more"),
+        ({"period": 0}, "period=0.*expected sizes of 1 to"),
         ({"train_subjects": ""}, "expected different names"),
         ({"train_subjects": {"a": 1}}, "expected the sections"),
     ],

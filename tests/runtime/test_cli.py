@@ -96,7 +96,7 @@ def test_plot_without_matplotlib_names_the_extra(tiny, tmp_path, monkeypatch):
 
     report = benchmark(tiny, 0.0, 0.2, None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'facecode\[plots\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install '\.\[plots\]'"):
         plot([report], tmp_path / "latency.png")
 
 

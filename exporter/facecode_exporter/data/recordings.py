@@ -81,7 +81,8 @@ def read_recordings(
         raise EvaluationError(f"{folder} is no folder; expected one of <name>.wav with <name>.txt")
     recordings: list[Recording] = []
     skipped: list[Skipped] = []
-    for path in progress(sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)):
+    files = (path for path in folder.glob("[!.]*") if path.suffix.lower() in SUFFIXES)
+    for path in progress(sorted(files)):
         try:
             recordings.append(_aligned(path, aligner))
         except FacecodeError as error:

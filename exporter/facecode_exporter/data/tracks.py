@@ -110,7 +110,7 @@ def find_archive(folder: Path) -> Path:
 
 
 def _one(folder: Path, pattern: str) -> Path:
-    found = sorted(folder.glob(pattern))
+    found = sorted(path for path in folder.glob(pattern) if not path.name.startswith("."))
     if len(found) != 1:
         raise DataSetError(f"{folder} has {len(found)} files {pattern}; expected one")
     return found[0]

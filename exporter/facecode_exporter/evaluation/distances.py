@@ -57,7 +57,7 @@ def find_predictions(folder: Path, data: DataSet) -> Mapping[Take, Path]:
     if not folder.is_dir():
         raise EvaluationError(f"{folder} is no folder; expected one of <subject>_<sentence>.npy")
     found: dict[Take, Path] = {}
-    for path in sorted(p for p in folder.iterdir() if p.suffix in SUFFIXES):
+    for path in sorted(p for p in folder.glob("[!.]*") if p.suffix in SUFFIXES):
         clip, _, style = path.stem.partition(CONDITION)
         take = Take(clip, style or None)
         if take in found:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from facecode.writers import writing
 from facecode_exporter.errors import ConfigError
 from facecode_exporter.training.diverse_losses import DiverseLosses
 from facecode_spec.plain import SpecError, from_plain, to_plain
@@ -49,8 +50,8 @@ class TrainingConfig:
     """Stage 2 and cdface: share of the speech features that are dropped in training. Not in the
     paper; keeps a decoder that has heard few voices from leaning on what is theirs alone."""
     streamed_share: float = 0.0
-    """Share of the training clips whose speech is encoded as a stream hears it, each under a plan
-    of its own; see `streamed_rows`. Not in the paper."""
+    """Every stage that hears speech: share of the training clips that are heard as a stream hears
+    them, each under a plan of its own; see `streamed_rows`. Not in the papers."""
     closed_weight: float = 1.0
     """Stage 2: how many times a frame counts in which the true mouth is closed. Not in the paper;
     short closures are few frames, and a mean over all leaves them half open."""
@@ -70,7 +71,8 @@ class TrainingConfig:
 
     def save(self, folder: Path) -> None:
         """Write config.json into `folder`."""
-        (folder / CONFIG_FILE).write_text(json.dumps(to_plain(self), indent=1) + "\n")
+        with writing(folder / CONFIG_FILE) as file:
+            file.write(f"{json.dumps(to_plain(self), indent=1)}\n".encode())
 
     @classmethod
     def load(cls, folder: Path) -> TrainingConfig:

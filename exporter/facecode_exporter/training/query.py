@@ -8,7 +8,7 @@ without history, as in `own_history` of stage 2.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode_exporter.data.clips import Clips, batches
+from facecode.arrays import Float32
+from facecode_exporter.data.clips import Clips, PartClips, batches, lessons_of
 from facecode_exporter.measures.regions import LIPS
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
@@ -27,13 +28,6 @@ from facecode_exporter.training.speech_rows import SpeechRows
 
 Crop = tuple[int, int, int]
 """(clip, first frame, frames)"""
-
-
-class PartClips(Clips, Protocol):
-    """Clips whose offsets are those of one part of the face."""
-
-    def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
-        """(T,) of each clip: whether the true mouth is open; see `openings.open_frames`."""
 
 
 class QueryStage:
@@ -73,12 +67,17 @@ class QueryStage:
             net.audio_encoder,
             dict(self.splits),
             place == 0 and config.fine_tune_speech,
-            config.streamed_share,
         )
         self.open = {
             s: clips.open_mouth(self.losses.closed_below) for s, clips in self.splits.items()
         }
         self.unit = root_mean_square(train)
+
+    def lessons(self) -> Iterator[Float32]:
+        """Motion, style, and where the mouth is open."""
+        yield from lessons_of(self.splits["train"])
+        for is_open in self.open["train"]:
+            yield is_open.astype(np.float32)
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""
@@ -136,7 +135,7 @@ class QueryStage:
     def _said(self, split: str, group: list[Crop]) -> tuple[Tensor, Tensor]:
         """Features (B, K, T, H, C) of all heads, and their nearest code vectors."""
         styles = torch.tensor([self.splits[split].style(i) for i, _, _ in group])
-        speech = self.speech.batch(split, group)
+        speech = self.speech.batch(split, group, self.config.streamed_share)
         conditions = self._conditions(speech, styles)
         speech = F.dropout(speech, self.config.speech_dropout, training=self.net.training)
         features = self._features(self.net.audio_feature_map(speech), styles, conditions)

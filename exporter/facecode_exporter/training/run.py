@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import csv
-from collections.abc import Iterator, Sequence
+import hashlib
+import io
+import json
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -17,10 +20,14 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
+from facecode.arrays import AnyArray, Float32
+from facecode.errors import OutputWriteError
+from facecode.writers import writing
 from facecode_exporter.errors import RunError
+from facecode_exporter.state_files import save_state
 from facecode_exporter.training.config import CONFIG_FILE, TrainingConfig
 
-CHECKPOINT, CURVES = "checkpoint.pt", "losses.csv"
+CHECKPOINT, CURVES, BEGUN = "checkpoint.pt", "losses.csv", "begun.json"
 
 
 class Stage(Protocol):
@@ -33,6 +40,9 @@ class Stage(Protocol):
     @property
     def trained(self) -> nn.Module:
         """Everything that a checkpoint holds."""
+
+    def lessons(self) -> Iterator[Float32]:
+        """What it learns from, clip by clip: arrays that differ where the lessons do."""
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every training batch."""
@@ -48,9 +58,11 @@ def train(stage: Stage, config: TrainingConfig, folder: Path, progress: bool = F
     """Train for `config.epochs`, going on from a checkpoint in `folder` if there is one.
 
     Raises:
-        RunError: `folder` holds a run with another configuration.
+        RunError: `folder` holds a run with another configuration, that began with other weights
+            (another stage 1, speech encoder, number of samples) or learns from other data.
     """
     _claim(folder, config)
+    _claim_beginning(folder, stage)
     parameters = [p for p in stage.trained.parameters() if p.requires_grad]
     optimizer = torch.optim.AdamW(
         parameters, lr=config.learning_rate, weight_decay=config.weight_decay
@@ -93,7 +105,12 @@ def _epoch(
 
 
 def _claim(folder: Path, config: TrainingConfig) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputWriteError(
+            f"cannot make the folder {folder}: {error.strerror}; name another with --out"
+        ) from error
     if (folder / CONFIG_FILE).is_file():
         before = TrainingConfig.load(folder)
         if before != config:
@@ -104,14 +121,47 @@ def _claim(folder: Path, config: TrainingConfig) -> None:
     config.save(folder)
 
 
+def _claim_beginning(folder: Path, stage: Stage) -> None:
+    """What the configuration does not say: the weights before the first step, and the data."""
+    state = stage.trained.state_dict()
+    begun = {
+        "weights": _digest(v.cpu().numpy() for v in state.values()),
+        "data": _digest(stage.lessons()),
+    }
+    file = folder / BEGUN
+    if not (folder / CHECKPOINT).is_file():
+        with writing(file) as out:
+            out.write(json.dumps(begun).encode())
+    elif file.is_file() and (before := json.loads(file.read_text())) != begun:
+        differing = " and ".join(name for name in begun if begun[name] != before.get(name))
+        raise RunError(
+            f"{folder} holds a run that began with other {differing} (another --stage1, "
+            "--speech-encoder, --samples, --lips, --lip-pair or --data); name another folder, or "
+            "give what it began with"
+        )
+
+
+def _digest(arrays: Iterable[AnyArray]) -> str:
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{array.shape} {array.dtype}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
 def _resume(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer) -> int:
     file = folder / CHECKPOINT
     if not file.is_file():
         return 0
-    saved = torch.load(file, weights_only=True)
-    stage.trained.load_state_dict(saved["trained"])
-    optimizer.load_state_dict(saved["optimizer"])
-    return int(saved["epoch"])
+    try:
+        saved = torch.load(file, weights_only=True)
+        stage.trained.load_state_dict(saved["trained"])
+        optimizer.load_state_dict(saved["optimizer"])
+        return int(saved["epoch"])
+    except Exception as error:  # torch raises whatever it stumbles over
+        raise RunError(
+            f"{file} is no checkpoint of this run, or is damaged; remove it to begin anew"
+        ) from error
 
 
 def _save(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer, epoch: int) -> None:
@@ -120,9 +170,7 @@ def _save(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer, epoch: i
         "optimizer": optimizer.state_dict(),
         "epoch": epoch,
     }
-    part = folder / f"{CHECKPOINT}.part"
-    torch.save(state, part)
-    part.replace(folder / CHECKPOINT)
+    save_state(state, folder / CHECKPOINT)
 
 
 def _note(
@@ -133,10 +181,13 @@ def _note(
     file = folder / CURVES
     rows = []
     if file.is_file():
-        rows = [row for row in csv.reader(file.open()) if row[0].isdigit() and int(row[0]) <= epoch]
+        lines = csv.reader(file.read_text().splitlines())
+        rows = [row for row in lines if row[0].isdigit() and int(row[0]) <= epoch]
     rows.append([str(epoch + 1), *(f"{v:.6g}" for v in (*train_terms, *val_terms))])
-    with file.open("w", newline="") as out:
-        csv.writer(out).writerows([header, *rows])
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows([header, *rows])
+    with writing(file) as out:
+        out.write(text.getvalue().encode())
     with contextlib.suppress(ModuleNotFoundError):
         plot_curves(file, file.with_suffix(".png"))
 

@@ -23,14 +23,9 @@ class SpeechRows:
         encoder: nn.Module,
         splits: dict[str, Clips],
         trained: bool,
-        streamed_share: float = 0.0,
     ) -> None:
-        """Freeze the encoder, or train all of it but what its family keeps frozen.
-
-        A `streamed_share` of the clips of split `train` is heard as a stream hears it.
-        """
+        """Freeze the encoder, or train all of it but what its family keeps frozen."""
         self.system, self.encoder, self.splits, self.trained = system, encoder, splits, trained
-        self.streamed_share = streamed_share
         encoder.requires_grad_(trained)
         for name, parameter in encoder.named_parameters():
             if name.startswith(family_of(system).frozen):
@@ -38,19 +33,18 @@ class SpeechRows:
         self.lengths = {split: self._frames(clips) for split, clips in splits.items()}
         self._kept: dict[tuple[str, int, bool], Tensor] = {}
 
-    def batch(self, split: str, group: list[tuple[int, int, int]]) -> Tensor:
-        """Rows of the frames [start, start + n) of each (clip, start, n): (B, n * rows, width)."""
-        rows = self.system.speech_encoder.memory_rows_per_frame
-        heard = [
-            (self._clip(split, i, self._is_streamed(split, i)), start, n) for i, start, n in group
-        ]
-        return torch.stack([clip[start * rows : (start + n) * rows] for clip, start, n in heard])
+    def batch(
+        self, split: str, group: list[tuple[int, int, int]], streamed_share: float = 0.0
+    ) -> Tensor:
+        """Rows of the frames [start, start + n) of each (clip, start, n): (B, n * rows, width).
 
-    def _is_streamed(self, split: str, index: int) -> bool:
-        """The same clips in every run and epoch, so that each is encoded once."""
-        if not self.streamed_share or split != "train":
-            return False
-        return bool(np.random.default_rng(index).random() < self.streamed_share)
+        A `streamed_share` of the clips of split `train` is heard as a stream hears it: the same
+        ones in every run and epoch, so that each is encoded once.
+        """
+        rows = self.system.speech_encoder.memory_rows_per_frame
+        share = streamed_share if split == "train" else 0.0
+        heard = [(self._clip(split, i, _is_among(i, share)), start, n) for i, start, n in group]
+        return torch.stack([clip[start * rows : (start + n) * rows] for clip, start, n in heard])
 
     def _clip(self, split: str, index: int, is_streamed: bool) -> Tensor:
         encode = self._encode_streamed if is_streamed else self._encode
@@ -90,3 +84,8 @@ class SpeechRows:
             min(len(clips.offsets(i)), n_frames(spec, fps, len(clips.audio(i))))
             for i in range(len(clips.names))
         ]
+
+
+def _is_among(index: int, share: float) -> bool:
+    """Whether a clip is one of a share that is drawn once and for all."""
+    return bool(np.random.default_rng(index).random() < share)

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode_exporter.data.clips import Clips, batches
+from facecode.arrays import Float32
+from facecode_exporter.data.clips import Clips, PartClips, batches, lessons_of
 from facecode_exporter.measures.lip_sync import CLOSED_BELOW
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.losses import stage2_terms, straight_through
-from facecode_exporter.training.query import PartClips
 from facecode_exporter.training.speech_rows import SpeechRows
 
 
@@ -35,13 +35,13 @@ class Stage2:
         net.autoencoder.requires_grad_(False)
         self.splits = {"train": train, "val": val}
         self.speech = SpeechRows(
-            net.system,
-            net.audio_encoder,
-            self.splits,
-            config.fine_tune_speech,
-            config.streamed_share,
+            net.system, net.audio_encoder, self.splits, config.fine_tune_speech
         )
         self.open = {split: self._open_frames(clips) for split, clips in self.splits.items()}
+
+    def lessons(self) -> Iterator[Float32]:
+        """Motion and style."""
+        return lessons_of(self.splits["train"])
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""
@@ -74,7 +74,9 @@ class Stage2:
         )
         styles = torch.tensor([clips.style(i) for i, _, _ in group])
         speech = F.dropout(
-            self.speech.batch(split, group), self.config.speech_dropout, training=net.training
+            self.speech.batch(split, group, self.config.streamed_share),
+            self.config.speech_dropout,
+            training=net.training,
         )
         memory = net.audio_feature_map(speech)
         past = offsets

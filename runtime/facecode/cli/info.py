@@ -28,11 +28,16 @@ def summary(bundle: Bundle) -> str:
         ("system", f"{m.name}: {m.reference}"),
         ("motion", f"{m.n_vertices:,} vertices at {m.fps:g} fps, unit {m.unit}"),
         ("parts", ", ".join(f"{p.name} ({_count(p.n_samples)}, {p.kind})" for p in m.parts)),
+        *(
+            ()
+            if m.family == "faceformer"
+            else (("", "for --hold PART=talk.npz, --samples PART=K"),)
+        ),
         ("audio", f"{m.sample_rate:,} Hz mono"),
         *(("mode", f"{name}: {_mode(entry)}") for name, entry in m.modes.items()),
         *((("stream", _stream(Plan.of(m))),) if "window" in m.modes else ()),
-        ("styles", ", ".join(m.styles)),
-        *((("identities", ", ".join(m.identities)),) if m.identities else ()),
+        ("styles", f"{', '.join(m.styles)} (--style)"),
+        *((("identities", f"{', '.join(m.identities)} (--template)"),) if m.identities else ()),
         *((("regions", ", ".join(m.regions)),) if m.regions else ()),
         ("template", f"{template}; faces {'yes' if m.faces else 'no'}"),
         ("rig", "none" if m.rig is None else f"{len(m.rig.names)} face units"),

@@ -15,6 +15,7 @@ from facecode.bundle import PACKAGED, PACKAGED_BUNDLE, Bundle
 from facecode.cli import animate, batch, convert, live, mesh, serve
 from facecode.cli.console import guarded
 from facecode.cli.options import (
+    AS_WRITTEN,
     STANDARD_STREAM,
     Commands,
     add_compute,
@@ -29,11 +30,22 @@ from facecode.options import parse_style
 
 PROGRAM = "facecode"
 DEMO_FACES = 5
+EXAMPLES = """begin with:
+  facecode demo                          the packaged voice and face, as demo.mp4 and demo.npz
+  facecode animate my.wav -o talk.mp4    your own voice
+  facecode info                          styles, identities and parts of the packaged bundle
+
+`facecode COMMAND --help` explains each. More: README.md and docs/ of facecode."""
 
 
 def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     """The command line; argparse answers mistakes with exit code 2."""
-    parser = argparse.ArgumentParser(PROGRAM, description="Speech in, 3D facial animation out.")
+    parser = argparse.ArgumentParser(
+        PROGRAM,
+        description="Speech in, 3D facial animation out.",
+        epilog=EXAMPLES,
+        formatter_class=AS_WRITTEN,
+    )
     parser.add_argument("--version", action="version", version=f"facecode {facecode.__version__}")
     parser.set_defaults(debug=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

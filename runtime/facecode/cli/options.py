@@ -15,6 +15,8 @@ Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 """What `add_subparsers` returns."""
 
 STANDARD_STREAM = "-"
+AS_WRITTEN = argparse.RawDescriptionHelpFormatter
+"""For examples: lines stay as they are."""
 
 
 def positive(kind: type[int] | type[float]) -> Callable[[str], Any]:

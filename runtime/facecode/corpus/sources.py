@@ -49,7 +49,7 @@ def recordings_in(source: str | os.PathLike[str]) -> list[Recording]:
 
 
 def _in_folder(folder: Path) -> Iterator[Recording]:
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    files = sorted(path for path in folder.rglob("[!.]*") if path.is_file())
     if audio := [path for path in files if path.suffix.lower() in AUDIO_SUFFIXES]:
         for path in audio:
             name = path.relative_to(folder).with_suffix("").as_posix()
@@ -128,6 +128,8 @@ def _in_tar(path: Path) -> Iterator[Recording]:
         with tarfile.open(path, "r:") as tar:
             for member in tar:
                 folder, _, name = member.name.rpartition("/")
+                if name.startswith("."):  # what macOS leaves beside each file
+                    continue
                 key, _, suffix = name.partition(".")
                 key = f"{folder}/{key}" if folder else key
                 if member.isfile() and f".{suffix.lower()}" in AUDIO_SUFFIXES:

@@ -5,10 +5,7 @@ A new format is a new file in this folder and its line in FORMATS.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import os
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
@@ -20,12 +17,11 @@ from facecode.errors import (
     NoFacesError,
     NoRigError,
     NoVerticesError,
-    OutputFolderError,
     OutputSuffixError,
-    OutputWriteError,
     TakenBlocksError,
 )
 from facecode.writers.audio2face_json import JSON
+from facecode.writers.files import check_folder, writing
 from facecode.writers.format import Format
 from facecode.writers.glb import GLB
 from facecode.writers.html import HTML
@@ -37,6 +33,19 @@ from facecode.writers.usda import USDA
 from facecode.writers.usdc import USDC
 from facecode.writers.usdz import USDZ
 from facecode.writers.vrma import VRMA
+
+__all__ = [
+    "FORMATS",
+    "check_face",
+    "check_folder",
+    "check_format",
+    "check_output",
+    "format_of",
+    "save",
+    "save_blocks",
+    "write",
+    "writing",
+]
 
 FORMATS: dict[str, Format] = {
     f.suffix: f for f in (NPZ, MP4, GLB, HTML, CSV, JSON, USDA, USDZ, USDC, VRMA, PC2, MDD)
@@ -68,8 +77,17 @@ def check_output(path: Path) -> None:
         OutputWriteError: the output is a folder.
         MissingExtraError: the format needs a package that is not installed.
     """
-    found = format_of(path)
+    check_format(path)
     check_folder(path)
+
+
+def check_format(path: Path) -> None:
+    """Refuse a suffix that no format has, or one whose package is missing.
+
+    Raises:
+        OutputSuffixError, MissingExtraError.
+    """
+    found = format_of(path)
     if found.check is not None:
         found.check()
 
@@ -99,8 +117,16 @@ def check_face(found: Format, has_faces: bool, has_rig: bool, n_faces: int = 1) 
         )
 
 
-def save(clips: Clip | Sequence[Clip], path: Path, progress: bool = False) -> None:
-    """Write one face, or several of one recording, in the format of the suffix; whole or not.
+def save(
+    clips: Clip | Sequence[Clip], path: Path, progress: bool = False, found: Format | None = None
+) -> None:
+    """Write one face, or several of one recording; whole or not at all.
+
+    Args:
+        clips: one face, or several of one rate and length.
+        path: the file.
+        progress: show a bar on stderr for formats that take their time.
+        found: the format; by default that of the suffix.
 
     Raises:
         OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, NoRigError,
@@ -108,11 +134,16 @@ def save(clips: Clip | Sequence[Clip], path: Path, progress: bool = False) -> No
     """
     check_output(path)
     with writing(path) as file:
-        write(clips, file, format_of(path), progress)
+        write(clips, file, found or format_of(path), progress)
 
 
 def save_blocks(
-    face: Clip, n_frames: int, blocks: Iterable[Clip], path: Path, progress: bool = False
+    face: Clip,
+    n_frames: int,
+    blocks: Iterable[Clip],
+    path: Path,
+    progress: bool = False,
+    found: Format | None = None,
 ) -> None:
     """Write one face as its frames come, block by block; whole or not at all.
 
@@ -122,13 +153,14 @@ def save_blocks(
         blocks: clips of consecutive frames.
         path: the file; a format that needs the whole clip gathers it first.
         progress: show a bar on stderr for formats that take their time.
+        found: the format; by default that of the suffix.
 
     Raises:
         As `save`.
         TakenBlocksError: another number of frames.
     """
     check_output(path)
-    found = format_of(path)
+    found = found or format_of(path)
     check_face(found, face.faces is not None, face.rig is not None)
     checked = _counted((_fitting(block, found) for block in blocks), n_frames)
     with writing(path) as file:
@@ -182,47 +214,3 @@ def write(
         found.write(first, file, progress)
     else:
         found.write_takes(clips, file, progress)
-
-
-def check_folder(path: Path) -> None:
-    """Refuse a file name whose folder is missing or cannot be written, or that is a folder itself.
-
-    Raises:
-        OutputFolderError, OutputWriteError.
-    """
-    if not path.parent.is_dir():
-        raise OutputFolderError(f"the folder {path.parent} does not exist; create it first")
-    if path.is_dir():
-        raise OutputWriteError(f"{path} is a folder; name a file")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise OutputWriteError(f"the folder {path.parent} cannot be written; name another")
-
-
-@contextlib.contextmanager
-def writing(path: Path) -> Iterator[BinaryIO]:
-    """An open file beside `path` that takes its name when the block ends well.
-
-    A full disk or an interrupt leaves `path` as it was and nothing beside it.
-
-    Raises:
-        OutputFolderError, OutputWriteError.
-    """
-    check_folder(path)
-    temporary = None
-    try:
-        handle, temporary = tempfile.mkstemp(prefix=".facecode-", dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            yield file
-        Path(temporary).chmod(0o666 & ~_umask())  # mkstemp makes files private
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise OutputWriteError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

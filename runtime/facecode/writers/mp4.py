@@ -7,6 +7,7 @@ light.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from types import ModuleType
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 SIZE = 640  # pixels a side
 PANEL = 360  # of one of several faces
+WIDEST, HIGHEST = 4096, 2304
+"""Pixels of a picture that the decoders of browsers and phones take (H.264 level 5.1)."""
 SOUND_RATE = 48000
 """The encoder starts 1,024 samples late, which the file tells players to skip. The editors that
 do not skip are 21 ms late at this rate, under a frame; at a model's 16 kHz it would be 64 ms."""
@@ -59,6 +62,7 @@ def write_mp4(clip: Clip, file: BinaryIO, progress: bool = False) -> None:
 def write_side_by_side(clips: Sequence[Clip], file: BinaryIO, progress: bool = False) -> None:
     """Several faces in a row, PANEL pixels each, and the sound of the first.
 
+    More than fit into WIDEST stand in several rows, and are smaller where they would be too high.
     Each is framed by itself, as it would be alone.
 
     Args:
@@ -76,10 +80,20 @@ def write_side_by_side(clips: Sequence[Clip], file: BinaryIO, progress: bool = F
         raise ValueError(
             f"expected clips of one rate and number of frames, got (frames, fps) {sorted(lengths)}"
         )
-    _write(clips, file, progress, PANEL)
+    n_columns, panel = arrangement(len(clips))
+    _write(clips, file, progress, panel, n_columns)
 
 
-def _write(clips: Sequence[Clip], file: BinaryIO, progress: bool, size: int) -> None:
+def arrangement(n_faces: int) -> tuple[int, int]:
+    """How many faces stand in a row of a film, and the pixels a side of each, an even number."""
+    n_columns = n_faces if n_faces * PANEL <= WIDEST else math.ceil(math.sqrt(n_faces))
+    n_rows = math.ceil(n_faces / n_columns)
+    return n_columns, min(PANEL, WIDEST // n_columns, HIGHEST // n_rows) // 2 * 2
+
+
+def _write(
+    clips: Sequence[Clip], file: BinaryIO, progress: bool, size: int, n_columns: int = 1
+) -> None:
     av = _av()
     first = clips[0]
     n_frames, rate = len(first.offsets), Fraction(first.fps).limit_denominator(1001)
@@ -88,11 +102,14 @@ def _write(clips: Sequence[Clip], file: BinaryIO, progress: bool, size: int) -> 
     n_packets = n_frames + (0 if sound is None else 2 + len(sound) // BLOCK)
     room = {"moov_size": str(HEADER_BYTES + BYTES_PER_PACKET * n_packets)}
     with av.open(file, "w", format="mp4", options=room) as film:
-        pictures = _picture_stream(film, rate, size * len(clips), size)
+        n_rows = math.ceil(len(clips) / n_columns)
+        pictures = _picture_stream(film, rate, size * n_columns, size * n_rows)
         if sound is not None:
             speech = film.add_stream("aac", rate=SOUND_RATE, layout="mono", bit_rate=BITS_PER_S)
         written = 0
-        for index, pixels in enumerate(_counted(_in_a_row(renderers), n_frames, progress)):
+        for index, pixels in enumerate(
+            _counted(_together(renderers, n_columns), n_frames, progress)
+        ):
             film.mux(pictures.encode(_picture(av, pixels, index, rate)))
             if sound is not None:  # side by side, so that a player need not seek
                 until = len(sound) if index + 1 == n_frames else _samples_by(index + 1, rate)
@@ -112,7 +129,7 @@ def _renderer(clip: Clip, size: int) -> Renderer:
     return Renderer(clip.template, clip.offsets, clip.faces, clip.colours, size)
 
 
-def _in_a_row(renderers: Sequence[Renderer]) -> Iterator[Picture]:
+def _together(renderers: Sequence[Renderer], n_columns: int) -> Iterator[Picture]:
     """Frames (height, width, 3), planar in memory as the encoder takes them."""
     if len(renderers) == 1:
         yield from renderers[0].frames()
@@ -120,7 +137,16 @@ def _in_a_row(renderers: Sequence[Renderer]) -> Iterator[Picture]:
     each = [renderer.frames(workers=1) for renderer in renderers]
     for pictures in zip(*each, strict=True):
         planes = [np.moveaxis(picture, 2, 0) for picture in pictures]
-        yield np.moveaxis(np.concatenate(planes, axis=2), 0, 2)
+        planes += [_nobody(len(planes[0][0]))] * (-len(planes) % n_columns)
+        rows = [planes[i : i + n_columns] for i in range(0, len(planes), n_columns)]
+        yield np.moveaxis(np.concatenate([np.concatenate(r, 2) for r in rows], 1), 0, 2)
+
+
+def _nobody(size: int) -> Picture:
+    """What is behind a face, (3, size, size)."""
+    from facecode.render import light
+
+    return light.to_srgb(light.background(size))
 
 
 def _av() -> ModuleType:

@@ -166,4 +166,4 @@ def test_without_the_extra(monkeypatch, tmp_path, capsys):
     monkeypatch.delitem(__import__("sys").modules, "facecode_exporter.random_weights")
     monkeypatch.setattr(builtins, "__import__", without_torch)
     assert main(["init", "--system", "codetalker-tiny", "--out", str(tmp_path / "x")]) == 2
-    assert "pip install 'facecode[export]'" in capsys.readouterr().err
+    assert "pip install '.[export]'" in capsys.readouterr().err

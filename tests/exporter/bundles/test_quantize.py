@@ -26,10 +26,11 @@ def export(checkpoints, out, *more):
     return main([*args, "--precision", "int8", *more])
 
 
-def test_int8_bundle(checkpoints, tmp_path, monkeypatch, capsys):
+def test_int8_bundle(checkpoints, tmp_path, monkeypatch, capsys, caplog):
     monkeypatch.setattr(quantize, "SMALLEST_QUANTISED", 256)
     assert export(checkpoints, tmp_path / "b", "--any-deviation") == 0
     assert "int8 against float32: " in capsys.readouterr().out
+    assert not caplog.records  # of a library
     manifest = json.loads((tmp_path / "b" / "manifest.json").read_text())
     assert manifest["precision"] == "int8"
     assert 0 < manifest["quantisation"]["code_agreement"] <= 1

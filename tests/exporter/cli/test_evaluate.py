@@ -239,7 +239,7 @@ def test_resampled_curves_keep_their_times():
 
 def test_plots_name_their_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'facecode\[plots\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install '\.\[plots\]'"):
         plots.require_matplotlib()
 
 

@@ -232,3 +232,13 @@ def test_a_bundle_is_judged_in_the_own_style_of_a_seen_subject(tmp_path, tiny):
         *(Take("a_s01", "a"), Take("new_s01", "a"), Take("new_s01", "b"), Take("new_s01", "c"))
     ]
     assert takes_of(data, tiny, ["c"]) == [Take("a_s01", "c"), Take("new_s01", "c")]
+
+
+def test_files_that_macos_leaves_beside_are_passed_over(tmp_path):
+    clip = f"{UNSEEN}_sentence21"
+    root = write_data(tmp_path, [clip])
+    for name in (f"vertices_npy/._{clip}.npy", f"wav/._{clip}.wav", "vertices_npy/.DS_Store"):
+        (root / name).write_bytes(b"\0\5\x16\7")
+    data = DataSet.open(root, LAYOUTS["vocaset"])
+    assert data.clips == (clip,)
+    assert set(find_predictions(root / "vertices_npy", data)) == {Take(clip, None)}

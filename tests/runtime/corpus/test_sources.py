@@ -72,3 +72,13 @@ def test_lists_that_cannot_be_read(tmp_path, name, text, words):
     (tmp_path / name).write_text(text)
     with pytest.raises(CorpusError, match=words):
         recordings_in(tmp_path / name)
+
+
+def test_files_that_macos_leaves_beside_are_passed_over(tmp_path):
+    for name in ("a.wav", "._a.wav", ".b.flac"):
+        (tmp_path / name).write_bytes(SPEECH.read_bytes())
+    assert [r.id for r in recordings_in(tmp_path)] == ["a"]
+    with tarfile.open(tmp_path / "c.tar", "w") as tar:
+        tar.add(tmp_path / "._a.wav", "s/._one.wav")
+        tar.add(tmp_path / "a.wav", "s/one.wav")
+    assert [r.id for r in recordings_in(tmp_path / "c.tar")] == ["s/one"]

@@ -79,5 +79,5 @@ def test_no_such_microphone(sounddevice):
 
 def test_without_sounddevice(monkeypatch):
     monkeypatch.setitem(sys.modules, "sounddevice", None)
-    with pytest.raises(MissingExtraError, match=r"facecode\[live\]"), microphone_chunks(16_000):
+    with pytest.raises(MissingExtraError, match=r"'\.\[live\]'"), microphone_chunks(16_000):
         pass

@@ -90,4 +90,4 @@ def test_without_the_extra(tmp_path):
         timeout=60,
     )
     assert done.returncode == 2
-    assert "pip install 'facecode[serve]'" in done.stderr
+    assert "pip install '.[serve]'" in done.stderr

@@ -31,7 +31,7 @@ def frames_in_page(path):
 
 
 def frames_in_usd(path):
-    usd = pytest.importorskip("pxr.Usd", reason="no usd-core: pip install 'facecode[usd]'")
+    usd = pytest.importorskip("pxr.Usd", reason="no usd-core: pip install '.[usd]'")
     stage = usd.Stage.Open(str(path))
     return round(stage.GetEndTimeCode() - stage.GetStartTimeCode()) + 1
 

@@ -100,6 +100,6 @@ def test_an_archive_that_is_too_large_leaves_nothing(tmp_path, monkeypatch):
 
 def test_without_usd_core_usdc_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(MissingExtraError, match=r"facecode\[usd\]"):
+    with pytest.raises(MissingExtraError, match=r"'\.\[usd\]'"):
         writers.save(rigged(), tmp_path / "talk.usdc")
     assert list(tmp_path.iterdir()) == []
