@@ -66,8 +66,8 @@ class TrainingConfig:
     (VOCASET) or cut to them before the transformer hears it (BIWI). Else it is heard as in use, and
     motion and speech are cut to the shorter one; wav2vec 2.0 only."""
     streamed_share: float = 0.0
-    """Every stage that hears speech: share of the clips of a batch whose speech is encoded as a
-    stream hears it, under random plans; see `streamed_rows`. Not in the papers."""
+    """Every stage that hears speech: share of the training clips that are heard as a stream hears
+    them, each under a plan of its own; see `streamed_rows`. Not in the papers."""
     closed_weight: float = 1.0
     """Stage 2: how many times a frame counts in which the true mouth is closed. Not in the paper;
     short closures are few frames, and a mean over all leaves them half open."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
-from facecode.arrays import Audio
+from facecode.arrays import Float32
 from facecode.level import normalise
 from facecode_exporter.data.clips import Clips
 from facecode_exporter.errors import RunError
@@ -55,11 +56,12 @@ class SpeechRows:
     ) -> Tensor:
         """Rows of the frames [start, start + n) of each (clip, start, n): (B, n * rows, width).
 
-        A `streamed_share` of the clips of split `train` is heard as a stream hears it.
+        A `streamed_share` of the clips of split `train` is heard as a stream hears it: the same
+        ones in every run and epoch, so that each is encoded once.
         """
         rows = self.system.speech_encoder.memory_rows_per_frame
         share = streamed_share if split == "train" else 0.0
-        heard = [(self._clip(split, i, _happens(share)), start, n) for i, start, n in group]
+        heard = [(self._clip(split, i, _is_among(i, share)), start, n) for i, start, n in group]
         return torch.stack([clip[start * rows : (start + n) * rows] for clip, start, n in heard])
 
     def _clip(self, split: str, index: int, is_streamed: bool) -> Tensor:
@@ -77,12 +79,12 @@ class SpeechRows:
         audio = self.splits[split].audio(index)
         heard = normalise(audio) if self.system.speech_encoder.normalise else audio
         if self._wav2vec2 is None or not self._is_aligned:
-            return self._rows(heard)
+            return self._rows(heard[None])[0]
         length = self.lengths[split][index]
         return self._wav2vec2.aligned(torch.from_numpy(heard)[None], length)[0]
 
-    def _rows(self, audio: Audio) -> Tensor:
-        speech: Tensor = self.encoder(torch.from_numpy(audio)[None])[0]
+    def _rows(self, audio: Float32) -> Tensor:
+        speech: Tensor = self.encoder(torch.from_numpy(audio))
         return speech
 
     def _encode_streamed(self, split: str, index: int) -> Tensor:
@@ -107,6 +109,6 @@ class SpeechRows:
         ]
 
 
-def _happens(share: float) -> bool:
-    """True `share` of the time; nothing is drawn where it never is."""
-    return share > 0 and bool(torch.rand(()) < share)
+def _is_among(index: int, share: float) -> bool:
+    """Whether a clip is one of a share that is drawn once and for all."""
+    return bool(np.random.default_rng(index).random() < share)

@@ -44,7 +44,9 @@ def test_rows_are_those_of_a_stream(encoder):
         memory.end()
         live = [one_of(memory.frame(step)) for step in range(n_primer, memory.n_frames)]
         found = streamed_rows(
-            lambda piece: torch.from_numpy(one_of(encoder.memory(piece, None).rows)[0]),
+            lambda pieces: [
+                torch.from_numpy(one_of(encoder.memory(piece, None).rows)[0]) for piece in pieces
+            ],
             spoken,
             before,
             plan,
