@@ -13,11 +13,20 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import pytest
-import soundfile
+# One thread a worker, and freed memory kept: read when a process starts, so by the workers and by
+# the programs that tests run. Two workers of two threads each take four times as long.
+for _name, _value in {
+    "OMP_NUM_THREADS": "1",
+    "MALLOC_MMAP_THRESHOLD_": "4000000000",
+    "MALLOC_TRIM_THRESHOLD_": "4000000000",
+}.items():
+    os.environ.setdefault(_name, _value)
 
-import facecode
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+import soundfile  # noqa: E402
+
+import facecode  # noqa: E402
 
 DATA = Path(__file__).parent / "data"
 TINY = DATA / "tiny-bundle"

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from facecode_spec.entries import FileEntry, GraphEntry, PartEntry
+from facecode_spec.live import LiveEntry
 from facecode_spec.plain import SpecError, from_plain, to_plain
 from facecode_spec.schema import LARGEST, SystemSpec, UpAxis
 
@@ -139,6 +140,8 @@ class Manifest:
     parity: ParityReport | None = None
     quantisation: Deviation | None = None
     """From float32, where `precision` is another."""
+    live: LiveEntry | None = None
+    """How a stream hears; null: as the runtime chooses."""
 
     def __post_init__(self) -> None:
         window = self.modes.get("window")
@@ -146,6 +149,12 @@ class Manifest:
             raise SpecError("modes: expected one or more, 'window' with window and delay_frames")
         self._check_names()
         self._check_numbers()
+        reaches = [part.reach.after for part in self.parts if part.reach is not None]
+        if self.live is not None and self.live.delay_frames > min(reaches, default=0):
+            raise SpecError(
+                f"live.delay_frames: expected at most {min(reaches, default=0)}, which the motion "
+                f"decoder reaches ahead, got {self.live.delay_frames}"
+            )
         self._check_conditions()
 
     def _check_names(self) -> None:
@@ -200,6 +209,7 @@ class Manifest:
         named |= {*self.identities.values(), *(graph.path for graph in self.graphs)}
         named |= {file for p in self.parts for file in (p.codebook, p.vertices, p.rig_projection)}
         named |= set() if self.rig is None else {self.rig.deltas}
+        named |= set() if self.live is None else {self.live.primer}
         return {file for file in named if file is not None}
 
     def to_json(self) -> str:

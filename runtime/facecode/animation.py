@@ -13,7 +13,7 @@ from facecode.bundle import Bundle
 from facecode.clip import Clip
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Animation(Clip):
     """A face in motion: T frames, V vertices, H codes a frame; see `Clip` for its arrays."""
 

@@ -9,7 +9,7 @@ give alone.
 from __future__ import annotations
 
 import dataclasses
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
@@ -22,7 +22,7 @@ from facecode.bundle import Bundle
 from facecode.live.clip import live_clip, refuse_in_live
 from facecode.live.decoding import live_window
 from facecode.live.stream import Stream
-from facecode.live.voice import Voice
+from facecode.live.voice import Voices
 from facecode.loop.engine import Engine
 from facecode.loop.request import Request, Window, refuse_unknown, style_weights, window_of
 from facecode.options import BatchOptions, Held, Options, Samples, Style
@@ -156,12 +156,10 @@ class Animator:
         """
         shown = not self.gives_weights if vertices is None else vertices
         request = self.request(style, {"mode": "live", "vertices": shown})
-        around = (self.engine, self.bundle, request, self._problem)
-        return Stream(Voice.of(*around, look_ahead_ms, sample, rest_in_quiet))
+        return Stream(self._voices.voice(request, look_ahead_ms, sample, rest_in_quiet))
 
     def _live(self, still: Animation, request: Request, options: Options) -> Animation:
-        ahead = options.get("look_ahead_ms")
-        return live_clip(Voice.of(self.engine, self.bundle, request, self._problem, ahead), still)
+        return live_clip(self._voices.voice(request, options.get("look_ahead_ms")), still)
 
     def _asked(
         self, audio: AudioSource, style: Style | None, options: Options, samples: Samples | None
@@ -211,8 +209,9 @@ class Animator:
 
         A stream shows a frame early; see docs/live.md.
         """
-        find = live_window if mode == "live" else partial(window_of, mode)
-        return find(frames, self.manifest.modes, self.engine.smallest_window)
+        if mode == "live":
+            return live_window(frames, self.manifest, self.engine.smallest_window)
+        return window_of(mode, frames, self.manifest.modes, self.engine.smallest_window)
 
     def result(
         self, request: Request, neutral: Template, waveform: Audio, codes: Codes, motion: AnyArray
@@ -240,6 +239,10 @@ class Animator:
     @cached_property
     def _problem(self) -> WeightProblem | None:
         return WeightProblem.of(self.bundle.rig.deltas) if self.bundle.rig is not None else None
+
+    @cached_property
+    def _voices(self) -> Voices:
+        return Voices(self.engine, self.bundle, self._problem)
 
     def decode(self, codes: Codes) -> Offsets:
         """Codes (T, H), or (B, T, H), to offsets (T, V, 3), or (B, T, V, 3); CodesError."""

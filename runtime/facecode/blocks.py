@@ -21,6 +21,9 @@ class Blocks:
     """T, of all clips together."""
     clips: Iterator[Animation]
 
+    def __repr__(self) -> str:
+        return f"<Blocks: {self.still.summary(self.n_frames)}>"
+
     def __iter__(self) -> Iterator[Animation]:
         return self.clips
 

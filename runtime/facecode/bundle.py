@@ -45,6 +45,12 @@ class Bundle:
     colours: Colours | None
     rig: Rig | None = None
 
+    def __repr__(self) -> str:
+        m = self.manifest
+        return (
+            f"<Bundle {str(self.root)!r}: {m.family}, {m.n_vertices:,} vertices at {m.fps:g} fps>"
+        )
+
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Bundle:
         """Read the manifest at `path` and verify every file that it lists.

@@ -23,6 +23,9 @@ class Rig:
     deltas: Float32
     """(K, V, 3) float32, in the unit of the clip."""
 
+    def __repr__(self) -> str:
+        return f"<Rig: {len(self.names)} units of {self.deltas.shape[1]:,} vertices>"
+
 
 @dataclass(frozen=True, eq=False)
 class Clip:
@@ -62,6 +65,21 @@ class Clip:
     """The face units of the bundle, where it has them."""
     known_weights: Float32 | None = None
     """(T, K) of the rig's units, where they were had without vertices."""
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.summary(self.n_frames)}>"
+
+    def summary(self, n_frames: int) -> str:
+        """So many frames of this face in a line: length, vertices, codes by part, units, mode."""
+        parts = ", ".join(f"{name} {width}" for name, width in self.parts.items())
+        facts = [
+            f"{n_frames:,} frames at {self.fps:g} fps ({n_frames / self.fps:.2f} s)",
+            f"{len(self.template):,} vertices" + ("" if self.has_vertices else " (weights alone)"),
+            f"codes: {parts}" if parts else "",
+            f"{len(self.rig.names)} face units" if self.rig is not None else "no face units",
+            f"{self.mode} mode" if self.mode else "",
+        ]
+        return ", ".join(filter(None, facts))
 
     def codes_of(self, part: str) -> Codes:
         """The codes (T, H) of one part.
@@ -111,9 +129,15 @@ class Clip:
         Raises:
             NoVerticesError: a clip of weights alone.
         """
-        if self.offsets.shape[1] != len(self.template):
+        if not self.has_vertices:
             raise NoVerticesError.to_give("vertices")
         return self.offsets + self.template
+
+    @property
+    def has_vertices(self) -> bool:
+        """False of a clip of weights alone."""
+        n_vertices: int = self.offsets.shape[1]
+        return n_vertices == len(self.template)
 
     @property
     def n_frames(self) -> int:

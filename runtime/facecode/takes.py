@@ -24,6 +24,10 @@ class Takes:
     def __len__(self) -> int:
         return len(self.clips)
 
+    def __repr__(self) -> str:
+        first = self.clips[0]
+        return f"<Takes: {len(self)} faces, each {first.summary(first.n_frames)}>"
+
     def __iter__(self) -> Iterator[Animation]:
         return iter(self.clips)
 

@@ -106,6 +106,18 @@ def in_blender_cache(mesh, cache, fps, n_frames):
     return json.loads(facts.removeprefix("FACTS ")), np.load(out)
 
 
+def in_blender_script(head, script, clip, out):
+    """Facts, values of the shape keys by name (T,), and vertices (T, V, 3), after a script."""
+    (out / "script.py").write_text(script)
+    words = (HERE / "blender_script.py", head, out / "script.py", out / "shown.npz")
+    printed = run(bpy_python(), *words, clip.fps, len(clip.weights))
+    facts = next(line for line in printed.splitlines() if line.startswith("FACTS "))
+    facts = json.loads(facts.removeprefix("FACTS "))
+    with np.load(out / "shown.npz") as arrays:
+        values = dict(zip(facts["keys"], arrays["values"].T, strict=True))
+        return facts, values, arrays["vertices"]
+
+
 def in_openfacefx(path):
     """For each channel its keys (n, 2): time in seconds, value."""
     found = json.loads(run(sys.executable, HERE / "openfacefx_tracks.py", openfacefx(), path))

@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 from avatars import ARKIT, Motion, avatar, container
 from gltf_clients import (
+    HERE,
     bpy_python,
     facecap,
     far,
     in_blender,
+    in_blender_script,
     in_chromium,
     in_three,
     longer,
     node_modules,
+    run,
     sentence,
     validated,
 )
@@ -186,6 +189,29 @@ def test_a_foreign_head_under_meshopt_compression(tmp_path):
     binary = old[20 + n_json + 8 :]
     start = 20 + int.from_bytes(new[12:16], "little") + 8
     assert new[start : start + len(binary)] == binary
+
+
+PLAY_FACECODE = """
+import bpy
+keys = bpy.context.object.data.shape_keys
+keys.animation_data.action = bpy.data.actions["facecode"]
+"""
+
+
+def test_a_foreign_head_in_blender(tmp_path):
+    """Without its compression, which Blender 5.0 does not read; every key of every frame."""
+    bpy_python()
+    plain, path, motion = tmp_path / "plain.glb", tmp_path / "talk.glb", Motion(60)
+    run("node", HERE / "unpack_meshopt.mjs", node_modules(), facecap(), plain)
+    report = put(plain, motion, path)
+    assert report.matched == tuple(ARKIT)
+    facts, values, vertices = in_blender_script(path, PLAY_FACECODE, motion, tmp_path)
+    assert len(facts["keys"]) == len(ARKIT)
+    (mesh,) = (each for each in report.meshes if each.matched)
+    for unit, targets in mesh.matched.items():
+        for target in targets:
+            assert np.abs(values[target] - motion.of(unit)).max() <= 1e-6
+    assert np.ptp(vertices, axis=0).max() > 0.05  # it does move
 
 
 def test_a_foreign_head_in_a_browser(tmp_path):

@@ -10,7 +10,7 @@ from small_faces import rigged, still
 from facecode import writers
 from facecode.writers.arkit import pascal
 from facecode.writers.live_link_csv import ROTATIONS
-from facecode.writers.vrma import write_presets
+from facecode.writers.vrma import PRESETS
 
 pytestmark = pytest.mark.clients
 
@@ -90,8 +90,7 @@ def test_an_avatar_takes_every_custom_expression(tmp_path, seconds):
 
 def test_an_avatar_takes_presets(tmp_path):
     clip, path = sentence(), tmp_path / "talk.vrma"
-    with path.open("wb") as file:
-        write_presets(clip, file)
+    writers.save(clip, path, found=PRESETS)
     facts, weights = in_three_vrm(path, ["0", "1", "2"])
     assert facts["custom"] == []
     assert facts["presets"] == ["aa", "ih", "ou", "ee", "oh", "blinkLeft", "blinkRight"]

@@ -29,7 +29,7 @@ def test_published_sizes():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"colour": 1}, "unknown key colour"),
+        ({"colour": 1}, "unknown key 'colour'"),
         ({"fps": "30"}, "fps: expected float"),
         ({"n_vertices": True}, "n_vertices: expected int"),
         ({"parts": []}, "has no part"),

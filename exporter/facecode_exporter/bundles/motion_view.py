@@ -15,7 +15,8 @@ from torch import Tensor, nn
 
 from facecode_exporter.bundles.views import fuse, linear
 from facecode_exporter.nets.part import PartNet
-from facecode_exporter.nets.vq_autoencoder import Attention, ClipNorm, PreNorm, Residual, VQDecoder
+from facecode_exporter.nets.pre_norm import Attention, PreNorm, Residual
+from facecode_exporter.nets.vq_autoencoder import ClipNorm, VQDecoder
 
 
 class ResumedNorm(nn.Module):

@@ -7,6 +7,7 @@ import dataclasses
 from pathlib import Path
 
 from facecode.cli.options import Commands
+from facecode.errors import OutputFolderError
 from facecode_exporter.errors import CorpusError
 
 LONGEST_MINUTES = 24 * 60
@@ -20,6 +21,28 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
     corpus.add_argument("--minutes", type=float, default=90.0, metavar="N", help="of speech")
     corpus.add_argument("--seed", type=int, default=0, metavar="S", help="of chance (default: 0)")
     return corpus
+
+
+def add_captured_parser(commands: Commands) -> argparse.ArgumentParser:
+    """The sub-command `captured-corpus`, with `run` set."""
+    captured = commands.add_parser("captured-corpus", help="add tracked speech to a corpus")
+    captured.set_defaults(run=run_captured)
+    captured.add_argument(
+        "--data", type=Path, required=True, metavar="DIR", help="of `evaluate people`"
+    )
+    captured.add_argument("--corpus", type=Path, required=True, metavar="DIR", help="of `corpus`")
+    return captured
+
+
+def add_visemes_parser(commands: Commands) -> argparse.ArgumentParser:
+    """The sub-command `fit-visemes`, with `run` set."""
+    visemes = commands.add_parser("fit-visemes", help="fit the corpus's rules to tracked speech")
+    visemes.set_defaults(run=run_fit_visemes)
+    visemes.add_argument(
+        "--data", type=Path, required=True, metavar="DIR", help="of `evaluate people`"
+    )
+    visemes.add_argument("--out", type=Path, required=True, metavar="JSON", help="the visemes")
+    return visemes
 
 
 def add_model_parser(commands: Commands) -> argparse.ArgumentParser:
@@ -82,6 +105,30 @@ def run_demo_model(args: argparse.Namespace) -> None:
         from facecode_exporter.demo.model import make_demo_model as make
 
     make(args.corpus, args.whisper_wheel, args.work, args.out, not args.quiet)
+    print(args.out)
+
+
+def run_captured(args: argparse.Namespace) -> None:
+    """`facecode-export captured-corpus`; run again, it goes on where it stopped."""
+    from facecode_exporter.demo.captured import add_captured
+
+    n_clips = add_captured(args.data, args.corpus, progress=not args.quiet)
+    print(f"{args.corpus}: {n_clips} clips of tracked speech")
+
+
+def run_fit_visemes(args: argparse.Namespace) -> None:
+    """`facecode-export fit-visemes`.
+
+    Raises:
+        OutputFolderError: the folder of the file does not exist.
+    """
+    from facecode_exporter.corpus.visemes import as_json
+    from facecode_exporter.corpus.writing import write_json
+    from facecode_exporter.demo.viseme_fit import fit_visemes
+
+    if not args.out.absolute().parent.is_dir():
+        raise OutputFolderError(f"the folder {args.out.parent} does not exist; create it first")
+    write_json(args.out, as_json(*fit_visemes(args.data, progress=not args.quiet)))
     print(args.out)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED_BUNDLE
 from facecode.cli.options import Commands, add_debug, add_mode, add_quiet
-from facecode_exporter.cli import evaluate_people
+from facecode_exporter.cli import evaluate_live, evaluate_people, evaluate_quiet
 from facecode_exporter.cli import evaluate_runs as runs
 from facecode_exporter.cli.options import add_json, add_threads, count, vertex_pair
 from facecode_exporter.data.data_set import LAYOUTS
@@ -22,6 +22,8 @@ def add_parser(commands: Commands) -> None:
         _add_predictions,
         _add_bundle,
         _add_speech,
+        evaluate_live.add,
+        evaluate_quiet.add,
         _add_diversity,
         _add_mix,
         evaluate_people.add,

@@ -19,7 +19,12 @@ from facecode_exporter.cli.checkpoint_options import (
     chosen_system,
     load_network,
 )
-from facecode_exporter.cli.demo import add_baseline_parser, add_model_parser
+from facecode_exporter.cli.demo import (
+    add_baseline_parser,
+    add_captured_parser,
+    add_model_parser,
+    add_visemes_parser,
+)
 from facecode_exporter.cli.demo import add_parser as add_corpus_parser
 from facecode_exporter.cli.evaluate import add_parser as add_evaluate
 from facecode_exporter.cli.face_options import add_face_options
@@ -90,8 +95,9 @@ def parse_args(argv: Sequence[str] | None = None) -> argparse.Namespace:
     verify.add_argument("--style", help="for --audio: a name, or a mix such as a:0.3,b:0.7")
 
     add_evaluate(commands)
-    training = (add_train_parser, add_corpus_parser, add_model_parser, add_baseline_parser)
-    more = (*training, add_bench_reference)
+    corpora = (add_corpus_parser, add_captured_parser, add_visemes_parser)
+    training = (add_train_parser, add_model_parser, add_baseline_parser)
+    more = (*corpora, *training, add_bench_reference)
 
     for command in (export, init, verify, *(add(commands) for add in more)):
         add_debug(command)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,6 +14,7 @@ from tqdm import tqdm
 from facecode.arrays import Indices
 from facecode.cli.options import STANDARD_STREAM
 from facecode.writers import check_folder, writing
+from facecode_exporter.errors import RunError
 from facecode_exporter.face_parts import part_vertices, variant, with_vertices
 from facecode_spec.schema import SystemSpec
 
@@ -60,6 +62,17 @@ def count(text: str) -> int:
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a positive whole number, got {text}")
     return int(text)
+
+
+def share(text: str) -> float:
+    """A number from 0 to 1, as argparse reads it."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {text}")
+    return value
 
 
 def check_json(file: str | None) -> None:
@@ -110,3 +123,17 @@ def divided(system: SystemSpec, args: argparse.Namespace) -> tuple[SystemSpec, d
         return system, {}
     vertices = part_vertices(system, args.lips)
     return variant(with_vertices(system, vertices), args.samples, args.upper_first), vertices
+
+
+def require_speech_encoder(args: argparse.Namespace) -> None:
+    """Refuse to learn through random convolutions that nobody asked for.
+
+    Raises:
+        RunError
+    """
+    if args.speech_encoder is None and not args.random_speech_encoder:
+        raise RunError(
+            "no --speech-encoder: training keeps the convolutions of the speech encoder as they "
+            "begin, and random ones tell little of speech; give a pretrained Hugging Face folder "
+            "such as facebook/wav2vec2-base-960h, or --random-speech-encoder to go on without"
+        )

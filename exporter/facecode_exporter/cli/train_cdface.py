@@ -12,7 +12,7 @@ from facecode_exporter.checkpoints import (
     load_part,
     load_stage1,
 )
-from facecode_exporter.cli.options import divided
+from facecode_exporter.cli.options import divided, require_speech_encoder
 from facecode_exporter.data.clips import FolderClips, FolderPart
 from facecode_exporter.errors import RunError
 from facecode_exporter.face_parts import variant
@@ -22,7 +22,7 @@ from facecode_exporter.nets.speech import family_of
 from facecode_exporter.training import recipes
 from facecode_exporter.training.config import TrainingConfig, cdface_defaults, stage1_defaults
 from facecode_exporter.training.diverse_losses import DiverseLosses
-from facecode_exporter.training.query import start_from_one
+from facecode_exporter.training.heads import start_from_one
 from facecode_exporter.training.speech_weights import load_pretrained
 from facecode_spec.schema import SystemSpec
 
@@ -64,8 +64,10 @@ def _load(args: argparse.Namespace, net: CDFace, config: TrainingConfig) -> None
     if part is not first:
         load_part(first, *args.earlier)
         load_encoder(net.audio_encoder, args.earlier[1])
-    elif args.speech_encoder is not None:
-        load_pretrained(net.audio_encoder, family_of(net.system), args.speech_encoder)
+    elif args.start is None:
+        require_speech_encoder(args)
+        if args.speech_encoder is not None:
+            load_pretrained(net.audio_encoder, family_of(net.system), args.speech_encoder)
     if args.start is not None:
         _start(args, net, part, config)
 

@@ -7,13 +7,11 @@ and its number only. Ten minutes take 20-25 s on one core and 13 MB, four fifths
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import gzip
 import hashlib
-import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -28,7 +26,6 @@ from facecode_exporter.corpus.files import (
     ABOUT,
     FORMAT,
     HEAD,
-    SPLIT_FILE,
     clip_path,
     load_about,
     load_corpus_head,
@@ -39,13 +36,13 @@ from facecode_exporter.corpus.phones import SAMPLE_RATE, Aligner
 from facecode_exporter.corpus.rules import FPS, face_weights
 from facecode_exporter.corpus.styles import STYLES, Style
 from facecode_exporter.corpus.utterance import (
-    SPLITS,
     Utterance,
     make_utterance,
     split_of,
     vocabulary_of,
 )
 from facecode_exporter.corpus.voices import SOURCES, Voice, available_voices
+from facecode_exporter.corpus.writing import write_clip, write_generated, write_json, write_whole
 from facecode_exporter.errors import CorpusError
 from facecode_exporter.head.head import PACKAGED
 from facecode_exporter.measures.lip_sync import LipSync, count_lip_sync
@@ -95,7 +92,10 @@ def make_corpus(out: Path, minutes: float, seed: int = 0, progress: bool = True)
                     break
                 name = clip_name(style, number)
                 if not clip_path(out, "weights", name).is_file():
-                    _write_clip(out, name, utterances.get(style, number), style, (seed, number))
+                    utterance = utterances.get(style, number)
+                    chance = (seed, number, STYLES.index(style))
+                    weights = face_weights(utterance.audio, utterance.phones, style, chance)
+                    write_clip(out, name, utterance, weights)
                 names.append(name)
                 seconds, counted = _judged(out, name)
                 report = CorpusReport(
@@ -103,7 +103,7 @@ def make_corpus(out: Path, minutes: float, seed: int = 0, progress: bool = True)
                 )
                 bar.update(min(seconds, goal_s - bar.n))
         finally:
-            _write_json(out / SPLIT_FILE, _splits(names))
+            write_generated(out, names)
     return report
 
 
@@ -200,25 +200,8 @@ def _begin(out: Path, about: dict[str, Any]) -> None:
         raise CorpusError(f"{out} exists and holds no {ABOUT}; name a new or empty folder")
     for kind in ("wav", "phones", "text", "weights"):
         (out / kind).mkdir(parents=True, exist_ok=True)
-    _write(out / HEAD, PACKAGED.read_bytes())
-    _write_json(out / ABOUT, about)
-
-
-def _write_clip(
-    out: Path, name: str, utterance: Utterance, style: Style, seed: tuple[int, int]
-) -> None:
-    """The weights come last: a clip that has them is whole."""
-    import soundfile
-
-    weights = face_weights(utterance.audio, utterance.phones, style, (*seed, STYLES.index(style)))
-    sound, labels = io.BytesIO(), io.BytesIO()
-    soundfile.write(sound, utterance.audio, SAMPLE_RATE, format="FLAC", subtype="PCM_16")
-    np.save(labels, weights)
-    _write(clip_path(out, "wav", name), sound.getvalue())
-    about = {"voice": utterance.voice, "phones": utterance.phones}
-    _write_json(clip_path(out, "phones", name), about, indent=None)
-    _write(clip_path(out, "text", name), f"{utterance.text}\n".encode())
-    _write(clip_path(out, "weights", name), labels.getvalue())
+    write_whole(out / HEAD, PACKAGED.read_bytes())
+    write_json(out / ABOUT, about)
 
 
 def _judged(out: Path, name: str) -> tuple[float, LipSync]:
@@ -226,25 +209,3 @@ def _judged(out: Path, name: str) -> tuple[float, LipSync]:
     rest = float(head.opening(np.zeros((1, weights.shape[1])))[0])
     counted = count_lip_sync(load_phones(out, name), head.opening(weights), rest, FPS)
     return len(weights) / FPS, counted
-
-
-def _splits(names: list[str]) -> Mapping[str, list[str]]:
-    return {
-        split: [name for name in names if split_of(int(name.rsplit("_", 1)[1])) == split]
-        for split in SPLITS
-    }
-
-
-def _write_json(path: Path, value: object, indent: int | None = 1) -> None:
-    _write(path, (json.dumps(value, indent=indent, ensure_ascii=False) + "\n").encode())
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Whole or not at all."""
-    fresh = path.with_name(f".{path.name}.part")
-    try:
-        fresh.write_bytes(content)
-        fresh.replace(path)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            fresh.unlink()

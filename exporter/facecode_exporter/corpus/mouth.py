@@ -16,10 +16,14 @@ from facecode.arrays import Float32
 from facecode_exporter.corpus.prosody import frame_times
 from facecode_exporter.corpus.styles import Style
 from facecode_exporter.corpus.visemes import (
+    BY_HAND,
+    FULL_SILENCE_S,
     JAW,
     LIP_ON_TEETH,
     LIPS,
-    TONGUE,
+    LOUDEST_GAIN,
+    QUIETEST_GAIN,
+    TIMING,
     VISEMES,
     VOWELS,
     articulator,
@@ -28,9 +32,6 @@ from facecode_exporter.corpus.visemes import (
 from facecode_exporter.head.face_units import FACE_UNITS, UNIT, unit_weights
 from facecode_exporter.measures.phone import LIPS_TOGETHER, SILENCE, Phone
 
-REACH_S = {JAW: 0.055, LIPS: 0.070, TONGUE: 0.040}  # how far a phone reaches beyond itself
-PLATEAU = 0.3  # share of a phone, either side of its middle, at full dominance
-FULL_SILENCE_S = 0.25  # shorter silences rest less
 CONTACT = 0.25  # share of a phone, either side of its middle, that a contact is held
 CONTACT_RAMP_S = 0.055
 JAW_BEHIND_LIPS, JAW_ON_TEETH = 0.55, 0.35  # share of the jaw that stays open in a contact
@@ -42,7 +43,15 @@ PARTING = (
     *("mouthShrugUpper", "mouthShrugLower"),
 )
 
-_PARTS = {name: np.array([articulator(u) == name for u in FACE_UNITS]) for name in REACH_S}
+PRESSED = {
+    "P": unit_weights(mouthRollLower=0.20, mouthRollUpper=0.12),
+    "B": unit_weights(mouthRollLower=0.16, mouthRollUpper=0.10),
+    "M": unit_weights(mouthRollLower=0.12, mouthRollUpper=0.08),
+}
+"""Lips that press roll in, and do not widen the mouth."""
+BITING = {name: BY_HAND[name].shape for name in LIP_ON_TEETH}
+
+_PARTS = {name: np.array([articulator(u) == name for u in FACE_UNITS]) for name in TIMING.reach_s}
 _PARTING = unit_weights(**dict.fromkeys(PARTING, 1.0)) > 0
 _SPREADING = unit_weights(mouthStretch=1, mouthSmile=1) > 0
 
@@ -70,10 +79,12 @@ def _target(phone: Phone, loudness: Float32, style: Style, fps: float) -> Float3
     gain = unit_weights() + 1
     gain[_PARTS[LIPS]] = style.lips
     gain[_PARTS[JAW]] = style.jaw
+    gain[UNIT["mouthClose"]] = style.jaw  # or shut lips part where the jaw opens wider
     if phone.name in VOWELS:
         levels = loudness[round(phone.start_s * fps) : round(phone.end_s * fps) + 1]
         level = float(np.quantile(levels, 0.75)) if len(levels) else TYPICAL_DB
-        gain[_PARTS[JAW]] *= np.clip(1 + (level - TYPICAL_DB) / 25, 0.65, 1.2)
+        louder = 1 + (level - TYPICAL_DB) * TIMING.jaw_per_db
+        gain[_PARTS[JAW]] *= np.clip(louder, QUIETEST_GAIN, LOUDEST_GAIN)
     return VISEMES[phone.name].shape * gain
 
 
@@ -83,9 +94,12 @@ def _dominance(parts: Sequence[Phone], times: Float32, name: str, style: Style) 
     strength = np.array([VISEMES[p.name].dominance[name] for p in parts])
     silent = np.array([p.name == SILENCE for p in parts])
     strength = strength * np.where(silent, np.minimum(1, (end - start) / FULL_SILENCE_S), 1)
-    plateau = np.where(silent, 0.5 * (end - start), PLATEAU * (end - start))
-    beyond = np.maximum(np.abs(times[:, None] - (start + end) / 2) - plateau, 0)
-    faded = np.exp(-((beyond / (REACH_S[name] * style.blur)) ** 1.3))
+    plateau = np.where(silent, 0.5, TIMING.plateau) * (end - start)
+    late = np.array([VISEMES[p.name].late_s for p in parts])
+    away = times[:, None] - ((start + end) / 2 + late)
+    beyond = np.maximum(np.abs(away) - plateau, 0)
+    before, after = TIMING.reach_s[name]
+    faded = np.exp(-((beyond / (np.where(away < 0, before, after) * style.blur)) ** 1.3))
     return np.asarray(strength * np.maximum(faded, 1e-9))
 
 
@@ -111,7 +125,7 @@ def _lips_together(weights: Float32, name: str, style: Style) -> Float32:
     jaw = JAW_BEHIND_LIPS * weights[:, UNIT["jawOpen"]]
     closed[:, UNIT["jawOpen"]] = jaw
     closed[:, UNIT["mouthClose"]] = jaw
-    pressed = VISEMES[name].shape * style.press
+    pressed = PRESSED[name] * style.press
     return np.asarray(np.maximum(closed, pressed))
 
 
@@ -119,8 +133,9 @@ def _lip_on_teeth(weights: Float32, name: str, style: Style) -> Float32:
     """The lower lip is rolled in under the upper teeth, which show."""
     biting = np.where(_PARTING, 0, weights)
     biting[:, UNIT["mouthPucker"]] *= 0.3
+    biting[:, UNIT["mouthClose"]] = 0
     jaw = np.minimum(JAW_ON_TEETH * weights[:, UNIT["jawOpen"]], WIDEST_JAW_ON_TEETH)
-    shape = VISEMES[name].shape
+    shape = BITING[name]
     biting[:, UNIT["jawOpen"]] = np.maximum(jaw, shape[UNIT["jawOpen"]])
     others = np.delete(np.arange(len(shape)), UNIT["jawOpen"])
     biting[:, others] = np.maximum(biting[:, others], (shape * min(style.lips, 1.0))[others])

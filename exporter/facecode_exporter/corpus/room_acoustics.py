@@ -27,6 +27,7 @@ SHARE_OF_ZEROS = 0.3
 GATE_EDGE_S = 0.06
 SHARE_WITH_BREATH = 0.35
 BREATH_S = (0.2, 0.6)
+MAINS_HZ, N_OVERTONES, FAN_HZ = (50.0, 60.0), 8, (4.0, 40.0)
 BREATH_DB = (-45.0, -22.0)  # against full scale, which voices nearly reach
 
 
@@ -67,11 +68,12 @@ def gated(audio: Audio, pauses: Iterable[tuple[float, float]]) -> Audio:
 
 
 def empty_room(n_samples: int, rng: np.random.Generator) -> Audio:
-    """(n_samples,) of noise at any level, or of zeros."""
+    """(n_samples,) of noise, mains hum or a fan at any level, or of zeros."""
     if rng.random() < SHARE_OF_ZEROS:
         return np.zeros(n_samples, np.float32)
     level = 10 ** (rng.uniform(*EMPTY_DB) / 20)
-    return np.asarray(np.clip(level * _noise(n_samples, rng), -1, 1), np.float32)
+    tone = ROOM_TONES[int(rng.integers(len(ROOM_TONES)))](n_samples, rng)
+    return np.asarray(np.clip(level * tone, -1, 1), np.float32)
 
 
 def _echo(clean: Sound, rng: np.random.Generator) -> Sound:
@@ -96,4 +98,29 @@ def _tilted(sound: Sound, db_per_octave: float) -> Sound:
 def _noise(n_samples: int, rng: np.random.Generator) -> Sound:
     """White to brown noise of root mean square 1."""
     coloured = _tilted(rng.standard_normal(n_samples), rng.uniform(-6, 0))
-    return np.asarray(coloured / max(float(np.sqrt(np.square(coloured).mean())), 1e-9))
+    return _of_level_1(coloured)
+
+
+def _hum(n_samples: int, rng: np.random.Generator) -> Sound:
+    """The mains and its overtones above a little noise; root mean square 1."""
+    times = np.arange(n_samples) / SAMPLE_RATE
+    mains = rng.choice(MAINS_HZ) * rng.uniform(0.99, 1.01)
+    overtones = [
+        rng.uniform(0.1, 1) / k * np.sin(2 * np.pi * (k * mains * times + rng.random()))
+        for k in range(1, N_OVERTONES + 1)
+    ]
+    return _of_level_1(np.sum(overtones, axis=0) + rng.uniform(0.02, 0.3) * _noise(n_samples, rng))
+
+
+def _fan(n_samples: int, rng: np.random.Generator) -> Sound:
+    """Noise that swells with the turning of blades; root mean square 1."""
+    times = np.arange(n_samples) / SAMPLE_RATE
+    turning = np.sin(2 * np.pi * (rng.uniform(*FAN_HZ) * times + rng.random()))
+    return _of_level_1((1 + rng.uniform(0.1, 0.8) * turning) * _noise(n_samples, rng))
+
+
+def _of_level_1(sound: Sound) -> Sound:
+    return np.asarray(sound / max(float(np.sqrt(np.square(sound).mean())), 1e-9))
+
+
+ROOM_TONES = (_noise, _hum, _fan)

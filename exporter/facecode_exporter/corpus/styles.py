@@ -1,7 +1,8 @@
 """Speaking styles: what differs between the subjects of the demo corpus.
 
 A style is to the demo model what a training identity is to CodeTalker. Each name says what one
-sees. Knows nothing of how the numbers are used beyond their unit.
+sees; `natural` is the speaker whom the visemes were fitted to. Knows nothing of how the numbers
+are used beyond their unit.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ class Style:
     """gain of jaw opening"""
     lips: float = 1.0
     """gain of rounding, spreading and baring"""
-    lead_s: float = 0.04
+    lead_s: float = 0.0
     """how much earlier than its sound a shape is reached"""
-    blur: float = 1.0
+    blur: float = 0.8
     """factor on how far a phone reaches into its neighbours"""
     press: float = 1.0
     """gain of pressed lips in P, B and M; they close in every style"""
@@ -38,12 +39,13 @@ class Style:
 
 
 STYLES: tuple[Style, ...] = (
+    Style("natural"),
     Style("calm", jaw=0.8, lips=0.9, brow_activity=0.3, gaze=0.35, blinks_per_s=0.25),
     Style(
         "lively",
         jaw=1.25,
         lips=1.15,
-        lead_s=0.05,
+        lead_s=0.01,
         smile=0.12,
         brow_up=0.06,
         brow_activity=0.9,
@@ -54,8 +56,8 @@ STYLES: tuple[Style, ...] = (
         "mumbling",
         jaw=0.45,
         lips=0.5,
-        lead_s=0.02,
-        blur=1.5,
+        lead_s=-0.02,
+        blur=1.3,
         press=0.5,
         brow_activity=0.15,
         gaze=0.5,
@@ -64,8 +66,8 @@ STYLES: tuple[Style, ...] = (
         "precise",
         jaw=1.1,
         lips=1.3,
-        lead_s=0.05,
-        blur=0.75,
+        lead_s=0.01,
+        blur=0.65,
         press=1.5,
         brow_activity=0.5,
         gaze=0.3,
@@ -88,8 +90,8 @@ STYLES: tuple[Style, ...] = (
         "weary",
         jaw=0.65,
         lips=0.7,
-        lead_s=0.03,
-        blur=1.25,
+        lead_s=-0.01,
+        blur=1.1,
         press=0.8,
         frown=0.12,
         squint=0.25,

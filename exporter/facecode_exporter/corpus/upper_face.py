@@ -19,8 +19,8 @@ from facecode_exporter.corpus.visemes import VOWELS
 from facecode_exporter.head.face_units import FACE_UNITS, UNIT, unit_weights
 from facecode_exporter.measures.phone import SILENCE, Phone
 
-# (seconds from the start, how far shut); 230 ms in all
-BLINK = ((0.0, 0.0), (0.05, 1.0), (0.14, 1.0), (0.23, 0.0))
+# (seconds from the start, how far shut); 115 ms beyond half, as people's 80 to 150
+BLINK = ((0.0, 0.0), (0.05, 1.0), (0.10, 1.0), (0.18, 0.0))
 SHORTEST_BETWEEN_BLINKS_S = 0.7
 TYPICAL_BLINKS_PER_S = 0.3
 PAUSE_S = 0.2  # silence that counts as a pause

@@ -35,8 +35,9 @@ EDGE_S = (0.2, 0.7)
 LONG_S = (0.7, 2.5)
 SHARE_OF_LONG = 0.25  # of edges and pauses
 SHARE_OF_TWO_SENTENCES = 0.4
-SHARE_WITHOUT_SPEECH = 0.05
+SHARE_WITHOUT_SPEECH = 0.07
 SHARE_GATED = 0.4
+IDLE_S = (1.5, 12.0)
 NOBODY = "nobody"
 """The voice of a recording without speech."""
 ATTEMPTS = 20
@@ -121,7 +122,7 @@ def _spoken(
 
 def _nobody_speaks(rng: np.random.Generator) -> Utterance:
     """A few seconds of an empty room, or of nothing at all: the mouth is at rest."""
-    audio = empty_room(round(rng.uniform(1.5, 6.0) * SAMPLE_RATE), rng)
+    audio = empty_room(round(rng.uniform(*IDLE_S) * SAMPLE_RATE), rng)
     return Utterance("", NOBODY, audio, [Phone(SILENCE, 0.0, len(audio) / SAMPLE_RATE)])
 
 

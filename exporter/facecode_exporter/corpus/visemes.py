@@ -1,21 +1,28 @@
 """What the mouth does for each ARPABET phone, in ARKit face units.
 
 A viseme has a shape and, for jaw, lips and tongue apart, a dominance: how much it insists on its
-shape against its neighbours (Cohen and Massaro 1993). The numbers are ours, chosen on the demo
-head. Diphthongs are two visemes in a row. Knows nothing of time.
+shape against its neighbours (Cohen and Massaro 1993). BY_HAND are numbers of ours, chosen on the
+demo head. VISEMES are those of `visemes.json`, which `facecode-export fit-visemes` made from the
+tracks of a speaker of the GRID corpus (CC BY 4.0); sounds that he never says are by hand.
+Diphthongs are two visemes in a row.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
+from typing import Any
 
 from facecode.arrays import Float32
-from facecode_exporter.head.face_units import unit_weights
+from facecode_exporter.head.face_units import FACE_UNITS, unit_weights
 from facecode_exporter.measures.phone import OPEN_VOWELS, SILENCE, Phone
 
 JAW, LIPS, TONGUE = "jaw", "lips", "tongue"
 LIP_ON_TEETH = frozenset("FV")
+FULL_SILENCE_S = 0.25  # shorter silences rest less
+QUIETEST_GAIN, LOUDEST_GAIN = 0.65, 1.2  # of the jaw in vowels
 VOWELS = OPEN_VOWELS | {"AH", "EH", "ER", "EY", "IH", "IY", "OW", "OY", "UH", "UW"}
 
 
@@ -33,13 +40,33 @@ class Viseme:
     shape: Float32
     """(52,)"""
     dominance: Mapping[str, float] = field(default_factory=dict)
+    late_s: float = 0.0
+    """how long after the middle of its sound it is strongest"""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How far sounds reach into their neighbours, and how much louder vowels open the jaw."""
+
+    reach_s: Mapping[str, tuple[float, float]]
+    """of jaw, lips and tongue: before and after the sound"""
+    plateau: float
+    """share of a sound, either side of its middle, at full dominance"""
+    jaw_per_db: float
+    """gain of the jaw in a vowel, for each dB"""
+
+    @classmethod
+    def by_hand(cls) -> Timing:
+        """The timing that goes with BY_HAND."""
+        reach = {JAW: (0.055, 0.055), LIPS: (0.070, 0.070), TONGUE: (0.040, 0.040)}
+        return cls(reach, 0.3, 0.04)
 
 
 def _viseme(jaw: float, lips: float, tongue: float = 0.1, **shape: float) -> Viseme:
     return Viseme(unit_weights(**shape), {JAW: jaw, LIPS: lips, TONGUE: tongue})
 
 
-VISEMES: Mapping[str, Viseme] = {
+BY_HAND: Mapping[str, Viseme] = {
     SILENCE: _viseme(0.9, 0.8, 0.6),
     # open to close, spread
     "AA": _viseme(1.4, 0.5, jawOpen=0.42, mouthLowerDown=0.12, mouthUpperUp=0.05),
@@ -103,6 +130,44 @@ VISEMES: Mapping[str, Viseme] = {
     "NG": _viseme(0.35, 0.15, 0.4, jawOpen=0.11, mouthLowerDown=0.08),
     "HH": _viseme(0.2, 0.08, 0.2, jawOpen=0.14),
 }
+
+
+def as_json(visemes: Mapping[str, Viseme], timing: Timing) -> dict[str, Any]:
+    """Plain values for a JSON file; units that are 0 are left out."""
+    return {
+        "timing": {
+            "reach_s": {k: [round(x, 4) for x in v] for k, v in timing.reach_s.items()},
+            "plateau": round(timing.plateau, 4),
+            "jaw_per_db": round(timing.jaw_per_db, 4),
+        },
+        "visemes": {
+            name: {
+                "shape": {
+                    unit: round(float(weight), 3)
+                    for unit, weight in zip(FACE_UNITS, viseme.shape, strict=True)
+                    if round(float(weight), 3)
+                },
+                "dominance": {k: round(v, 3) for k, v in viseme.dominance.items()},
+                "late_s": round(viseme.late_s, 4),
+            }
+            for name, viseme in visemes.items()
+        },
+    }
+
+
+def from_json(plain: Mapping[str, Any]) -> tuple[dict[str, Viseme], Timing]:
+    """What `as_json` wrote."""
+    timing = plain["timing"]
+    reach = {name: (before, after) for name, (before, after) in timing["reach_s"].items()}
+    visemes = {
+        name: Viseme(unit_weights(**own["shape"]), own["dominance"], own["late_s"])
+        for name, own in plain["visemes"].items()
+    }
+    return visemes, Timing(reach, timing["plateau"], timing["jaw_per_db"])
+
+
+PACKAGED = "visemes.json"
+VISEMES, TIMING = from_json(json.loads((files(__package__) / PACKAGED).read_text("utf-8")))
 ALIKE = {"CH": "SH", "JH": "SH", "ZH": "SH"}
 DIPHTHONGS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "EY": (("EH", 0.5), ("IY", 0.5)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -36,6 +36,13 @@ class Clips(Protocol):
 
     def style(self, index: int) -> int:
         """The clip's style, as an index into the system's styles."""
+
+
+class PartClips(Clips, Protocol):
+    """Clips whose offsets are those of one part of the face."""
+
+    def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
+        """(T,) of each clip: whether the true mouth is open; see `openings.open_frames`."""
 
 
 class FolderClips:
@@ -139,6 +146,14 @@ def paired(data: DataSet) -> tuple[str, ...]:
         shown = ", ".join(alone[:5]) + (", ..." if len(alone) > 5 else "")
         print(f"{len(alone)} clips without a wav are left out: {shown}", file=sys.stderr)
     return spoken
+
+
+def lessons_of(clips: Clips) -> Iterator[Float32]:
+    """What tells one split from another: names, styles, and the first and the last motion."""
+    for i, name in enumerate(clips.names):
+        yield np.array([*name.encode(), clips.style(i)], np.float32)
+    for i in (0, len(clips.names) - 1):
+        yield clips.offsets(i)
 
 
 def batches(

@@ -54,7 +54,7 @@ def read_tracks(folder: Path, split: str) -> list[Track]:
     Raises:
         DataSetError: files that are missing or of another form.
     """
-    archive, phones = _one(folder, "*tracks.npz"), _one(folder, "phones*.json")
+    archive, phones = find_archive(folder), _one(folder, "phones*.json")
     try:
         said = json.loads(phones.read_text(encoding="utf-8"))
         with np.load(archive, allow_pickle=False) as data:
@@ -98,6 +98,15 @@ def _curves(points: Curve) -> tuple[Curve, Curve]:
     apart = np.linalg.norm(points[:, 1::2] - points[:, ::2], axis=2)
     scaled = apart[:, :2] * (EYES_MM / apart[:, 2:])
     return scaled[:, 0], scaled[:, 1]
+
+
+def find_archive(folder: Path) -> Path:
+    """The tracks of a folder.
+
+    Raises:
+        DataSetError: none, or several.
+    """
+    return _one(folder, "*tracks.npz")
 
 
 def _one(folder: Path, pattern: str) -> Path:

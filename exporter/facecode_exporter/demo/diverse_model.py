@@ -24,7 +24,8 @@ from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.diverse_losses import DiverseLosses
-from facecode_exporter.training.query import QueryStage, sort_heads, start_from_one
+from facecode_exporter.training.heads import sort_heads, start_from_one
+from facecode_exporter.training.query import QueryStage
 from facecode_exporter.training.run import train
 from facecode_exporter.training.speech_rows import SpeechRows
 from facecode_exporter.training.stage1 import Stage1
@@ -79,6 +80,7 @@ def one_config(corpus: Path, part: str) -> TrainingConfig:
         batch_size=8,
         crop_frames=90,
         speech_dropout=0.2,
+        streamed_share=0.5,
         losses=DiverseLosses(every_sample=0.2),
         fine_tune_speech=False,
     )

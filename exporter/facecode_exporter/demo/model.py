@@ -27,7 +27,8 @@ IDENTITIES = 6
 LICENCE = (
     "MIT, with parts: speech encoder from Whisper tiny.en (MIT, OpenAI); head from the MakeHuman "
     "base mesh and the Face Units pack by Mika Suominen (CC0 1.0). Trained on generated speech and "
-    "procedural motion only."
+    "on speech and tracked lips of speaker s1 of the GRID corpus (Cooke, Barker, Cunningham and "
+    "Shao 2006, CC BY 4.0); neither voice nor face is to be presented as that person's."
 )
 
 
@@ -59,6 +60,7 @@ def stage2_config(corpus: Path) -> TrainingConfig:
         crop_frames=120,
         own_history=True,
         speech_dropout=0.2,
+        streamed_share=0.5,
         closed_weight=2.5,
         fine_tune_speech=False,
     )

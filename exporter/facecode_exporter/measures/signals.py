@@ -43,7 +43,7 @@ def lag_correlations(
         late, early = curve[max(lag, 0) :], reference[max(-lag, 0) :]
         n = min(len(late), len(early))
         if n >= FEWEST_OVERLAP:
-            result[i] = _pearson(late[:n], early[:n])
+            result[i] = pearson(late[:n], early[:n])
     return result
 
 
@@ -89,7 +89,8 @@ def pops(vertices: AnyArray, fps: float) -> float | None:
     return float(np.percentile(accelerations(vertices, fps), POP_PERCENTILE))
 
 
-def _pearson(a: AnyArray, b: AnyArray) -> float:
+def pearson(a: AnyArray, b: AnyArray) -> float:
+    """Correlation of two curves of the same length; NaN where either is constant."""
     if not np.ptp(a) or not np.ptp(b):
         return float("nan")
     a, b = (x.astype(np.float64) - x.mean(dtype=np.float64) for x in (a, b))

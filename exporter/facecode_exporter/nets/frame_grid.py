@@ -6,6 +6,7 @@ from typing import cast
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from facecode_spec.schema import SpeechEncoderSpec
 
@@ -15,6 +16,20 @@ def to_frames(features: Tensor, spec: SpeechEncoderSpec, fps: float) -> Tensor:
     if spec.frame_grid == "pairs":
         return drop_odd_feature(features)
     return interpolate_to_frames(features, spec.feature_rate, fps)
+
+
+def to_motion(features: Tensor, spec: SpeechEncoderSpec, n_frames: int) -> Tensor:
+    """(B, n, C) to (B, T * rows per frame, C) for motion of `n_frames`, as the public code trains.
+
+    Pairs are cut to the motion, T = `n_frames` at most. Interpolated features are stretched to it,
+    T = `n_frames`, whatever the rates say.
+    """
+    if spec.frame_grid == "pairs":
+        return drop_odd_feature(features)[:, : 2 * n_frames]
+    stretched = functional.interpolate(
+        features.transpose(1, 2), size=n_frames, mode="linear", align_corners=True
+    )
+    return stretched.transpose(1, 2)
 
 
 def drop_odd_feature(features: Tensor) -> Tensor:

@@ -10,88 +10,10 @@ from typing import cast
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional as F
 
+from facecode_exporter.nets.pre_norm import Transformer
 from facecode_exporter.nets.sinusoid import sinusoid
 from facecode_spec.schema import PartSpec
-
-
-class Attention(nn.Module):
-    """Unmasked multi-head attention, scaled by the full width (not the head's) ** -0.5."""
-
-    def __init__(self, dim: int, n_heads: int) -> None:
-        super().__init__()
-        self.dim, self.n_heads = dim, n_heads
-        self.to_qkv = nn.Linear(dim, 3 * dim, bias=False)
-        self.to_out = nn.Linear(dim, dim)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(B, T, E) to (B, T, E), every frame attending to all T."""
-        query, key, value = self.to_qkv(x).chunk(3, dim=-1)
-        return self.attend(query, key, value)
-
-    def attend(self, query: Tensor, key: Tensor, value: Tensor) -> Tensor:
-        """Queries (B, n, E) over keys and values (B, T, E), then the output layer."""
-        split = (self.n_heads, -1)
-        query, key, value = (t.unflatten(-1, split).transpose(1, 2) for t in (query, key, value))
-        weights = torch.softmax(query @ key.transpose(-1, -2) * self.dim**-0.5, dim=-1)
-        mixed = (weights @ value).transpose(1, 2).flatten(2)
-        return cast(Tensor, self.to_out(mixed))
-
-
-class Mlp(nn.Module):
-    """Two linear layers with the tanh form of GELU between."""
-
-    def __init__(self, dim: int, dim_feedforward: int) -> None:
-        super().__init__()
-        self.l1 = nn.Linear(dim, dim_feedforward)
-        self.l2 = nn.Linear(dim_feedforward, dim)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(..., E) to (..., E)."""
-        return cast(Tensor, self.l2(F.gelu(self.l1(x), approximate="tanh")))
-
-
-class PreNorm(nn.Module):
-    """Layer norm, then `fn`."""
-
-    def __init__(self, dim: int, fn: nn.Module) -> None:
-        super().__init__()
-        self.norm = nn.LayerNorm(dim)
-        self.fn = fn
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(B, T, E) to (B, T, E)."""
-        return cast(Tensor, self.fn(self.norm(x)))
-
-
-class Residual(nn.Module):
-    """`x + fn(x)`."""
-
-    def __init__(self, fn: nn.Module) -> None:
-        super().__init__()
-        self.fn = fn
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(B, T, E) to (B, T, E)."""
-        return x + cast(Tensor, self.fn(x))
-
-
-class Transformer(nn.Module):
-    """Pre-norm layers; `net` alternates attention and MLP."""
-
-    def __init__(self, dim: int, n_layers: int, n_heads: int, dim_feedforward: int) -> None:
-        super().__init__()
-        self.net = nn.ModuleList()
-        for _ in range(n_layers):
-            self.net.append(Residual(PreNorm(dim, Attention(dim, n_heads))))
-            self.net.append(Residual(PreNorm(dim, Mlp(dim, dim_feedforward))))
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(B, T, E) to (B, T, E)."""
-        for layer in self.net:
-            x = layer(x)
-        return x
 
 
 class ClipNorm(nn.Module):
@@ -154,6 +76,7 @@ class TemporalTrunk(nn.Module):
         # The public module indexes its position table by batch: every frame gets row 0.
         self.register_buffer("constant", sinusoid(1, dim)[0], persistent=False)
         self.constant: Tensor
+        self.position_dropout = nn.Dropout(0.0)
 
     @property
     def transformer(self) -> Transformer:
@@ -164,7 +87,8 @@ class TemporalTrunk(nn.Module):
         """(B, T, E) to (B, T, E): convolution, norm over the clip, linear layer, constant."""
         convolution = self.get_submodule(CONVOLUTION[self.side])
         x = convolution(x.transpose(1, 2)).transpose(1, 2)
-        return cast(Tensor, getattr(self, f"{self.side}_linear_embedding")(x)) + self.constant
+        x = getattr(self, f"{self.side}_linear_embedding")(x) + self.constant
+        return cast(Tensor, self.position_dropout(x))
 
 
 class VQEncoder(TemporalTrunk):
@@ -228,6 +152,13 @@ class Quantizer(nn.Module):
         )
         return distance.argmin(dim=-1)
 
+    @torch.no_grad()
+    def shrink(self, seed: int) -> None:
+        """Draw the N rows uniformly from +-1/N, as the public code begins."""
+        rows = self.embedding.weight
+        drawn = torch.rand(rows.shape, generator=torch.Generator().manual_seed(seed))
+        rows.copy_((2 * drawn - 1) / len(rows))
+
     def look_up(self, codes: Tensor) -> Tensor:
         """Codes (...) to code vectors (..., C)."""
         return cast(Tensor, self.embedding(codes))
@@ -242,6 +173,10 @@ class VQAutoencoder(nn.Module):
         self.decoder = VQDecoder(part, n_vertices)
         book, _ = part.prior
         self.quantize = Quantizer(book.n_codes, book.dim)
+
+    def drop(self, share: float) -> None:
+        """Drop this share, in training, behind the constants of encoder and decoder."""
+        self.encoder.position_dropout.p = self.decoder.position_dropout.p = share
 
     def decode_features(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Features (B, T, H, C) to codes (B, T, H) and offsets (B, T, 3V)."""

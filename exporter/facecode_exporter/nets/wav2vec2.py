@@ -15,9 +15,12 @@ from torch import Tensor, nn
 from torch.nn.utils.parametrize import remove_parametrizations
 from transformers import Wav2Vec2Config, Wav2Vec2Model
 
-from facecode_exporter.nets.frame_grid import to_frames
+from facecode_exporter.nets.frame_grid import to_frames, to_motion
 from facecode_exporter.nets.segmented_convolutions import SegmentedConvolutions
 from facecode_spec.schema import SpeechEncoderSpec
+
+MASK_LENGTH, FEWEST_MASKS = 10, 2
+"""Of SpecAugment, in frames and in spans a clip: the published values."""
 
 
 class Wav2Vec2(Wav2Vec2Model):  # type: ignore[misc]
@@ -37,26 +40,51 @@ class Wav2Vec2(Wav2Vec2Model):  # type: ignore[misc]
         remove_parametrizations(self.encoder.pos_conv_embed.conv, "weight")
         # SpecAugment's mask vector: a parameter of every released file, unused in evaluation.
         self.masked_spec_embed = torch.nn.Parameter(torch.zeros(config.hidden_size))
+        self.mask_share = self.layer_drop = 0.0
+        self.input_dropout = nn.Dropout(0.0)
+
+    def disturb(self, mask_share: float, layer_drop: float, dropout: float) -> None:
+        """What training does to it beside the dropout within its layers.
+
+        Args:
+            mask_share: of the frames, hidden in spans of MASK_LENGTH (SpecAugment).
+            layer_drop: chance of each layer to be left out.
+            dropout: share dropped in front of the layers.
+        """
+        self.mask_share, self.layer_drop = mask_share, layer_drop
+        self.input_dropout.p = dropout
 
     def forward(self, audio: Tensor, *_: Any, **__: Any) -> Tensor:  # noqa: ANN401
         """Audio (B, n_samples) to memory rows (B, n_frames * rows per frame, width)."""
-        features = self.feature_extractor(audio).transpose(1, 2)
-        hidden, _unused = self.feature_projection(to_frames(features, self.spec, self.fps))
+        return self._heard(to_frames(self._convolved(audio), self.spec, self.fps))
+
+    def aligned(self, audio: Tensor, n_frames: int) -> Tensor:
+        """As `forward`, on the frames of motion of `n_frames`; see `to_motion`."""
+        return self._heard(to_motion(self._convolved(audio), self.spec, n_frames))
+
+    def _convolved(self, audio: Tensor) -> Tensor:
+        return cast(Tensor, self.feature_extractor(audio).transpose(1, 2))
+
+    def _heard(self, features: Tensor) -> Tensor:
+        hidden, _unused = self.feature_projection(features)
+        if self.training and self.mask_share:
+            mask = span_mask(len(hidden), hidden.shape[1], self.mask_share)
+            hidden = torch.where(mask[..., None], self.masked_spec_embed, hidden)
         return self._transform(hidden)
 
     def _transform(self, hidden: Tensor) -> Tensor:
         # Wav2Vec2Encoder.forward without its mask building, which torch.export cannot follow.
-        # No mask, no dropout, no layer drop: what it does in evaluation on a whole clip.
         encoder = self.encoder
         hidden = hidden + encoder.pos_conv_embed(hidden)
-        if self.config.do_stable_layer_norm:
-            for layer in encoder.layers:
-                hidden = layer(hidden)
-            return cast(Tensor, encoder.layer_norm(hidden))
-        hidden = encoder.layer_norm(hidden)
+        is_last = self.config.do_stable_layer_norm
+        hidden = self.input_dropout(hidden if is_last else encoder.layer_norm(hidden))
         for layer in encoder.layers:
-            hidden = layer(hidden)
-        return hidden
+            if not self._is_dropped():
+                hidden = layer(hidden)
+        return cast(Tensor, encoder.layer_norm(hidden)) if is_last else hidden
+
+    def _is_dropped(self) -> bool:
+        return self.training and self.layer_drop > 0 and bool(torch.rand(()) < self.layer_drop)
 
     @staticmethod
     def n_features(spec: SpeechEncoderSpec, n_samples: int) -> int:
@@ -86,3 +114,18 @@ class Wav2Vec2(Wav2Vec2Model):  # type: ignore[misc]
         own = copy.deepcopy(cast(Wav2Vec2, encoder), shared)
         own.feature_extractor = SegmentedConvolutions(own.feature_extractor.conv_layers)
         return own
+
+
+def span_mask(n_clips: int, n_frames: int, share: float) -> Tensor:
+    """(n_clips, n_frames) bool: spans that overlap, begun at random, FEWEST_MASKS at least.
+
+    They cover `share` of the frames if none overlaps; a clip shorter than a span has none.
+    """
+    mask = torch.zeros(n_clips, n_frames, dtype=torch.bool)
+    n_starts = n_frames - MASK_LENGTH + 1
+    for clip in mask if n_starts > 0 else ():
+        wanted = int(share * n_frames / MASK_LENGTH + float(torch.rand(())))
+        n_spans = min(max(wanted, FEWEST_MASKS), n_frames // MASK_LENGTH)
+        starts = torch.randperm(n_starts)[:n_spans]
+        clip[(starts[:, None] + torch.arange(MASK_LENGTH)).flatten()] = True
+    return mask

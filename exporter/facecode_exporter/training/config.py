@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from facecode.writers import writing
 from facecode_exporter.errors import ConfigError
@@ -17,7 +18,7 @@ CONFIG_FILE = "config.json"
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Defaults are the paper's (section 4.1), or the public code's where it is silent."""
+    """Defaults are the paper's (section 3.3), or the public code's where it is silent."""
 
     stage: Literal["stage1", "stage2", "cdface", "faceformer"]
     system: str
@@ -35,6 +36,11 @@ class TrainingConfig:
     """Longest stretch of a clip that a batch sees; null: whole clips."""
     commitment: float = 0.25
     """Stage 1: weight of the commitment term."""
+    position_dropout: float = 0.0
+    """Stage 1: share dropped, in training, behind the position constants of encoder and decoder."""
+    small_codebook: bool = False
+    """Stage 1: code vectors begin uniformly within +-1/N, as in the public code; else normal, of
+    variance 1."""
     revive_codes: bool = False
     """Stage 1: codes that an epoch did not use restart at features of the data. Not in the paper;
     keeps a codebook in use when the data is small."""
@@ -49,16 +55,26 @@ class TrainingConfig:
     speech_dropout: float = 0.0
     """Stage 2 and cdface: share of the speech features that are dropped in training. Not in the
     paper; keeps a decoder that has heard few voices from leaning on what is theirs alone."""
+    mask_share: float = 0.0
+    """Share of the frames that SpecAugment hides from a trained wav2vec 2.0."""
+    layer_drop: float = 0.0
+    """Chance of each layer of a trained wav2vec 2.0 to be left out."""
+    encoder_dropout: float = 0.0
+    """Share dropped in front of the layers of a trained wav2vec 2.0."""
+    aligned_speech: bool = False
+    """Speech is brought to the frames of the motion, as the public code trains: stretched to them
+    (VOCASET) or cut to them before the transformer hears it (BIWI). Else it is heard as in use, and
+    motion and speech are cut to the shorter one; wav2vec 2.0 only."""
     streamed_share: float = 0.0
-    """Stage 2: share of the clips of a batch whose speech is encoded as a stream hears it, under
-    random plans; see `streamed_rows`. Not in the paper."""
+    """Every stage that hears speech: share of the training clips that are heard as a stream hears
+    them, each under a plan of its own; see `streamed_rows`. Not in the papers."""
     closed_weight: float = 1.0
     """Stage 2: how many times a frame counts in which the true mouth is closed. Not in the paper;
     short closures are few frames, and a mean over all leaves them half open."""
     teacher_forcing: bool = False
     """FaceFormer: it sees the true past in place of its own."""
     decoder_dropout: float = 0.0
-    """FaceFormer: share dropped, in training, of the tokens and within the decoder's layer."""
+    """Share dropped, in training, of the decoder's tokens and within its layers."""
     losses: DiverseLosses | None = None
     """cdface: weights and shapes of its terms."""
     head_spread: float = 1.5
@@ -87,6 +103,16 @@ class TrainingConfig:
             raise ConfigError(f"{folder / CONFIG_FILE} cannot be used: {error}") from error
 
 
+PUBLISHED_SPEECH: Mapping[str, Any] = {
+    "decoder_dropout": 0.1,
+    "mask_share": 0.05,
+    "layer_drop": 0.1,
+    "encoder_dropout": 0.1,
+    "aligned_speech": True,
+}
+"""What the public code of CodeTalker and FaceFormer does to speech and decoder in training."""
+
+
 def stage1_defaults(system: str, data: str, vocaset: bool) -> TrainingConfig:
     """The published setting of stage 1."""
     return TrainingConfig(
@@ -96,18 +122,20 @@ def stage1_defaults(system: str, data: str, vocaset: bool) -> TrainingConfig:
         epochs=200,
         halve_every=20 if vocaset else None,
         weight_decay=0.01,  # AdamW's default, which the public code leaves
+        position_dropout=0.1,
+        small_codebook=True,
     )
 
 
 def stage2_defaults(system: str, data: str) -> TrainingConfig:
     """The published setting of stage 2."""
-    return TrainingConfig(stage="stage2", system=system, data=data, epochs=100)
+    return TrainingConfig(stage="stage2", system=system, data=data, epochs=100, **PUBLISHED_SPEECH)
 
 
 def faceformer_defaults(system: str, data: str) -> TrainingConfig:
     """The published setting of FaceFormer."""
     return TrainingConfig(
-        stage="faceformer", system=system, data=data, epochs=100, decoder_dropout=0.1
+        stage="faceformer", system=system, data=data, epochs=100, **PUBLISHED_SPEECH
     )
 
 

@@ -28,10 +28,9 @@ class DiverseLosses:
     """
 
     diversity: float = 0.06
-    """Weight, times K, of exp(-d^2 / sigma) of the closest pair: "duplication-aware", a decreasing
-    function of the minimum pairwise distance over the whole clip. Only one pair of a clip is
-    pushed, while closed frames are supervised in K samples: with the weight of 5, 15 heads stayed
-    together."""
+    """Weight, times K, of exp(-d^2 / sigma) of the closest pair over the whole clip (after Eq. 4).
+    Only one pair of a clip is pushed, while closed frames are supervised in K samples: with the
+    weight of 5, 15 heads stayed together."""
     half_at: float = 0.45
     """Distance of the closest pair, as a share of the motion's root mean square, at which that term
     is 0.5; it sets sigma. With `diversity` and `every_sample` it says where samples settle: where
@@ -40,7 +39,7 @@ class DiverseLosses:
     """Weight of the mean error of all samples. Zero is best-of-K alone, under which heads that
     never win hear nothing of the speech (relaxed winner-takes-all, Rupprecht et al. 2017)."""
     closure: float = 1.0
-    """Weight of the error in closed frames, summed over samples: "supervised by the truth"."""
+    """Weight of the error in closed frames, summed over samples (after Eq. 12)."""
     regulariser: float = 0.25
     """Weight of the distance of predicted features to their code vectors; as the commitment of the
     motion prior."""

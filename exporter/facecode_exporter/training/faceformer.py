@@ -12,7 +12,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode_exporter.data.clips import Clips, batches
+from facecode.arrays import Float32
+from facecode_exporter.data.clips import Clips, batches, lessons_of
 from facecode_exporter.nets.faceformer import FaceFormer
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.speech_rows import SpeechRows
@@ -28,9 +29,13 @@ class FaceFormerStage:
         self.trained: nn.Module = net
         self.splits = {"train": train, "val": val}
         self.speech = SpeechRows(
-            net.system, net.audio_encoder, self.splits, config.fine_tune_speech
+            net.system, net.audio_encoder, self.splits, config, config.fine_tune_speech
         )
         net.drop(config.decoder_dropout)
+
+    def lessons(self) -> Iterator[Float32]:
+        """Motion and style."""
+        return lessons_of(self.splits["train"])
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""
@@ -57,7 +62,8 @@ class FaceFormerStage:
             [torch.from_numpy(clips.offsets(i)[start : start + n]) for i, start, n in group]
         )
         style = net.style_rows[[clips.style(i) for i, _, _ in group]]
-        memory = net.audio_feature_map(self.speech.batch(split, group))
+        speech = self.speech.batch(split, group, self.config.streamed_share)
+        memory = net.audio_feature_map(speech)
         if teacher_forcing:
             said = net.offsets(net.motion_tokens(style, truth[:, :-1]), memory)
         else:

@@ -1,4 +1,4 @@
-"""The terms of both stages (CodeTalker, sections 3.1 and 3.3). Tensors (B, T, ...)."""
+"""The terms of both stages (CodeTalker, sections 3.1 and 3.2). Tensors (B, T, ...)."""
 
 from __future__ import annotations
 

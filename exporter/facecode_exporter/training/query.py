@@ -8,7 +8,7 @@ without history, as in `own_history` of stage 2.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode_exporter.data.clips import Clips, batches
+from facecode.arrays import Float32
+from facecode_exporter.data.clips import Clips, PartClips, batches, lessons_of
 from facecode_exporter.measures.regions import LIPS
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.part import PartNet
@@ -27,13 +28,6 @@ from facecode_exporter.training.speech_rows import SpeechRows
 
 Crop = tuple[int, int, int]
 """(clip, first frame, frames)"""
-
-
-class PartClips(Clips, Protocol):
-    """Clips whose offsets are those of one part of the face."""
-
-    def open_mouth(self, closed_below: float) -> Sequence[NDArray[np.bool_]]:
-        """(T,) of each clip: whether the true mouth is open; see `openings.open_frames`."""
 
 
 class QueryStage:
@@ -66,15 +60,28 @@ class QueryStage:
         place = names.index(config.part)
         self.earlier, self.net = net.part_nets[:place], net.part_nets[place]
         self.net.requires_grad_(True)
+        self.net.drop(config.decoder_dropout)
+        for earlier in self.earlier:
+            earlier.drop(0.0)
         self.net.autoencoder.requires_grad_(False)
         self.splits = {"train": train, "val": val}
         self.speech = speech or SpeechRows(
-            net.system, net.audio_encoder, dict(self.splits), place == 0 and config.fine_tune_speech
+            net.system,
+            net.audio_encoder,
+            dict(self.splits),
+            config,
+            place == 0 and config.fine_tune_speech,
         )
         self.open = {
             s: clips.open_mouth(self.losses.closed_below) for s, clips in self.splits.items()
         }
         self.unit = root_mean_square(train)
+
+    def lessons(self) -> Iterator[Float32]:
+        """Motion, style, and where the mouth is open."""
+        yield from lessons_of(self.splits["train"])
+        for is_open in self.open["train"]:
+            yield is_open.astype(np.float32)
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""
@@ -132,7 +139,7 @@ class QueryStage:
     def _said(self, split: str, group: list[Crop]) -> tuple[Tensor, Tensor]:
         """Features (B, K, T, H, C) of all heads, and their nearest code vectors."""
         styles = torch.tensor([self.splits[split].style(i) for i, _, _ in group])
-        speech = self.speech.batch(split, group)
+        speech = self.speech.batch(split, group, self.config.streamed_share)
         conditions = self._conditions(speech, styles)
         speech = F.dropout(speech, self.config.speech_dropout, training=self.net.training)
         features = self._features(self.net.audio_feature_map(speech), styles, conditions)
@@ -205,31 +212,6 @@ def continued(
     """Features (B, T, H, C) of head `sample[b]` with the past (B, T, 3V) of its own row."""
     tokens = net.tokens(net.learnable_style_emb(styles), past[:, :-1], conditions)
     return net.features(tokens, memory, sample)
-
-
-@torch.no_grad()
-def start_from_one(net: PartNet, one: PartNet, spread: float) -> None:
-    """Give `net` the weights of `one`, the same network with one head, and K heads near that head.
-
-    Args:
-        net: of K samples.
-        one: trained with one sample, as the deterministic variant.
-        spread: of the noise that sets the heads apart, as a share of the root mean square of the
-            head's weights. Copies would never part: at distance 0 nothing pushes.
-    """
-    state = one.state_dict()
-    head = state["feat_map.weight"]
-    k = net.part.n_samples
-    noise = torch.randn(k, *head.shape, generator=torch.Generator().manual_seed(0))
-    heads = head + spread * head.square().mean().sqrt() * noise
-    net.load_state_dict({**state, "feat_map.weight": heads.flatten(0, 1)})
-
-
-@torch.no_grad()
-def sort_heads(net: PartNet, errors: Tensor) -> None:
-    """Put the head of the smallest error (K,) first: one face alone is that of head 0."""
-    heads = net.feat_map.weight.unflatten(0, (net.part.n_samples, -1))
-    net.feat_map.weight.copy_(heads[errors.argsort()].flatten(0, 1))
 
 
 def root_mean_square(clips: Clips) -> float:

@@ -13,7 +13,7 @@ import torch
 from torch import nn
 
 from facecode_exporter.checkpoints import load_stage1, save_stage1, save_stage2
-from facecode_exporter.data.clips import Clips
+from facecode_exporter.data.clips import Clips, PartClips
 from facecode_exporter.faceformer_checkpoint import save_faceformer
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.nets.codetalker import CodeTalker
@@ -21,7 +21,7 @@ from facecode_exporter.nets.faceformer import FaceFormer
 from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.faceformer import FaceFormerStage
-from facecode_exporter.training.query import PartClips, QueryStage
+from facecode_exporter.training.query import QueryStage
 from facecode_exporter.training.run import train
 from facecode_exporter.training.stage1 import Stage1
 from facecode_exporter.training.stage2 import Stage2
@@ -48,6 +48,8 @@ def train_prior(
     Raises:
         RunError
     """
+    if config.small_codebook:
+        net.quantize.shrink(config.seed)
     train(Stage1(net, *clips, config), config, folder, progress)
     file = folder / STAGE1_FILE
     save_stage1(net, file)

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import hashlib
 import io
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -18,13 +20,14 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
+from facecode.arrays import AnyArray, Float32
 from facecode.errors import OutputWriteError
 from facecode.writers import writing
 from facecode_exporter.errors import RunError
 from facecode_exporter.state_files import save_state
 from facecode_exporter.training.config import CONFIG_FILE, TrainingConfig
 
-CHECKPOINT, CURVES = "checkpoint.pt", "losses.csv"
+CHECKPOINT, CURVES, BEGUN = "checkpoint.pt", "losses.csv", "begun.json"
 
 
 class Stage(Protocol):
@@ -37,6 +40,9 @@ class Stage(Protocol):
     @property
     def trained(self) -> nn.Module:
         """Everything that a checkpoint holds."""
+
+    def lessons(self) -> Iterator[Float32]:
+        """What it learns from, clip by clip: arrays that differ where the lessons do."""
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every training batch."""
@@ -52,9 +58,11 @@ def train(stage: Stage, config: TrainingConfig, folder: Path, progress: bool = F
     """Train for `config.epochs`, going on from a checkpoint in `folder` if there is one.
 
     Raises:
-        RunError: `folder` holds a run with another configuration.
+        RunError: `folder` holds a run with another configuration, that began with other weights
+            (another stage 1, speech encoder, number of samples) or learns from other data.
     """
     _claim(folder, config)
+    _claim_beginning(folder, stage)
     parameters = [p for p in stage.trained.parameters() if p.requires_grad]
     optimizer = torch.optim.AdamW(
         parameters, lr=config.learning_rate, weight_decay=config.weight_decay
@@ -111,6 +119,34 @@ def _claim(folder: Path, config: TrainingConfig) -> None:
                 f"same options as in {folder / CONFIG_FILE}"
             )
     config.save(folder)
+
+
+def _claim_beginning(folder: Path, stage: Stage) -> None:
+    """What the configuration does not say: the weights before the first step, and the data."""
+    state = stage.trained.state_dict()
+    begun = {
+        "weights": _digest(v.cpu().numpy() for v in state.values()),
+        "data": _digest(stage.lessons()),
+    }
+    file = folder / BEGUN
+    if not (folder / CHECKPOINT).is_file():
+        with writing(file) as out:
+            out.write(json.dumps(begun).encode())
+    elif file.is_file() and (before := json.loads(file.read_text())) != begun:
+        differing = " and ".join(name for name in begun if begun[name] != before.get(name))
+        raise RunError(
+            f"{folder} holds a run that began with other {differing} (another --stage1, "
+            "--speech-encoder, --samples, --lips, --lip-pair or --data); name another folder, or "
+            "give what it began with"
+        )
+
+
+def _digest(arrays: Iterable[AnyArray]) -> str:
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{array.shape} {array.dtype}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def _resume(folder: Path, stage: Stage, optimizer: torch.optim.Optimizer) -> int:

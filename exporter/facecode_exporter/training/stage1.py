@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from facecode.arrays import Float32
 from facecode_exporter.data.clips import Clips, batches
 from facecode_exporter.nets.vq_autoencoder import VQAutoencoder
 from facecode_exporter.training.config import TrainingConfig
@@ -23,9 +24,14 @@ class Stage1:
         self, net: VQAutoencoder, train: Clips, val: Clips, config: TrainingConfig
     ) -> None:
         self.trained, self.config = net, config
+        net.drop(config.position_dropout)
         self.motion = {"train": _load(train), "val": _load(val)}
         self._used = torch.zeros(net.quantize.embedding.num_embeddings, dtype=torch.int64)
         self._recent: list[Tensor] = []
+
+    def lessons(self) -> Iterator[Float32]:
+        """The motion."""
+        return (clip.numpy() for clip in self.motion["train"])
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""

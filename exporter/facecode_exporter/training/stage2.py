@@ -1,4 +1,4 @@
-"""Stage 2: speech to code features, teacher forced, the motion prior frozen (section 3.3).
+"""Stage 2: speech to code features, teacher forced, the motion prior frozen (section 3.2).
 
 Token 0 is the style embedding alone, as it is when the system is used; the public training code
 adds the embedding of a zero motion there, which differs by that layer's bias.
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from facecode_exporter.data.clips import Clips, batches
+from facecode.arrays import Float32
+from facecode_exporter.data.clips import Clips, PartClips, batches, lessons_of
 from facecode_exporter.measures.lip_sync import CLOSED_BELOW
 from facecode_exporter.nets.codetalker import CodeTalker
 from facecode_exporter.training.config import TrainingConfig
 from facecode_exporter.training.losses import stage2_terms, straight_through
-from facecode_exporter.training.query import PartClips
 from facecode_exporter.training.speech_rows import SpeechRows
 
 
@@ -33,15 +33,16 @@ class Stage2:
         self.net, self.config = net, config
         self.trained: nn.Module = net
         net.autoencoder.requires_grad_(False)
+        net.drop(config.decoder_dropout)
         self.splits = {"train": train, "val": val}
         self.speech = SpeechRows(
-            net.system,
-            net.audio_encoder,
-            self.splits,
-            config.fine_tune_speech,
-            config.streamed_share,
+            net.system, net.audio_encoder, self.splits, config, config.fine_tune_speech
         )
         self.open = {split: self._open_frames(clips) for split, clips in self.splits.items()}
+
+    def lessons(self) -> Iterator[Float32]:
+        """Motion and style."""
+        return lessons_of(self.splits["train"])
 
     def epoch(self, rng: np.random.Generator) -> Iterator[tuple[Tensor, list[Tensor]]]:
         """(loss, terms) of every batch."""
@@ -74,7 +75,9 @@ class Stage2:
         )
         styles = torch.tensor([clips.style(i) for i, _, _ in group])
         speech = F.dropout(
-            self.speech.batch(split, group), self.config.speech_dropout, training=net.training
+            self.speech.batch(split, group, self.config.streamed_share),
+            self.config.speech_dropout,
+            training=net.training,
         )
         memory = net.audio_feature_map(speech)
         past = offsets

@@ -19,6 +19,7 @@ SPEC = SystemSpec(
     metres_per_unit=1.0,
     up_axis="y",
     styles=(
+        "natural",
         "precise",
         "calm",
         "lively",

@@ -26,10 +26,10 @@ from facecode.cli.options import (
     parse_samples,
     positive,
 )
+from facecode.cli.saving import add_saving, check_saving, check_units, format_of, save
 from facecode.errors import OutputFolderError, OutputSuffixError, SampleError
 from facecode.options import Options, parse_style
 from facecode.takes import Takes
-from facecode.writers.onto import onto
 
 EXAMPLES = """examples:
   facecode animate my.wav -o talk.npz                     arrays; 2.1 MB a second (packaged head)
@@ -71,13 +71,7 @@ def _add_output(animate: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help=f"{', '.join(writers.FORMATS)}, or -; several, as in -o talk.glb -o talk.csv",
     )
-    animate.add_argument(
-        "--onto",
-        type=Path,
-        metavar="HEAD.glb",
-        help="write your own avatar (.glb, .gltf, .vrm with ARKit-named shapes) with the animation "
-        "added, as in -o talk.glb --onto my_head.glb",
-    )
+    add_saving(animate)
     where.add_argument(
         "--out-dir",
         type=Path,
@@ -119,13 +113,16 @@ def run_animate(args: argparse.Namespace) -> int | None:
     """`facecode animate`."""
     by_part = {"lips": args.lips, "upper_face": args.upper_face}
     args.samples = parse_samples(args.samples, by_part)
-    if args.onto is not None:
-        _check_onto(args)
-    if args.format is not None and args.output not in (None, [STANDARD_STREAM]):
+    if args.onto is not None and args.samples is not None:
+        raise SampleError("--onto takes one face; leave --samples out")
+    to_file = args.output not in (None, [STANDARD_STREAM])
+    if args.format is not None and to_file:
         raise OutputSuffixError(
             "--format goes with --out-dir or -o -; the suffix of a file says it"
         )
     args.format = args.format or "npz"
+    files = args.output if to_file else [f"all.{args.format}"]
+    check_saving(args, [Path(name) for name in files])
     if args.out_dir is not None:
         return run_many(args)
     if len(args.audio) != 1:
@@ -149,9 +146,10 @@ def _animate_one(args: argparse.Namespace, source: str) -> None:
     audio = io.BytesIO(sys.stdin.buffer.read()) if source == STANDARD_STREAM else Path(source)
     start = time.perf_counter()
     face = facecode.load(args.bundle, compute=compute_of(args))
-    formats = [writers.format_of(output) for output in outputs]
+    formats = [format_of(output, args) for output in outputs]
     for found in formats:
         writers.check_face(found, face.bundle.faces is not None, face.bundle.rig is not None)
+    check_units(args, face.bundle.rig)
     options: Options = {
         "mode": args.mode,
         "window": args.window,
@@ -164,40 +162,21 @@ def _animate_one(args: argparse.Namespace, source: str) -> None:
     style = parse_style(args.style)
     if len(outputs) == 1 and args.samples is None and args.onto is None and not to_stdout:
         blocks = face.blocks(audio, style, **options)
-        blocks.save(outputs[0], progress=not args.quiet)
-        summary = _summary(blocks.still, blocks.n_frames)
+        face_alone, n = blocks.still, blocks.n_frames
+        writers.save_blocks(face_alone, n, blocks, outputs[0], not args.quiet, formats[0])
+        summary = _summary(face_alone, n)
     else:
         clip = face.animate(audio, style, samples=args.samples, **options)
         if to_stdout:
             _write_stdout(clip, outputs[0])
             return
         for output in outputs:
-            if args.onto is not None:
-                _save_onto(clip, args.onto, output, args.quiet)
-            else:
-                clip.save(output, progress=not args.quiet)
+            save(clip.clips if isinstance(clip, Takes) else clip, output, args)
         first = clip[0] if isinstance(clip, Takes) else clip
         summary = _summary(first, first.n_frames, len(clip) if isinstance(clip, Takes) else 1)
     if not args.quiet:
         names = ", ".join(map(str, outputs))
         print(f"{names}: {summary}, in {time.perf_counter() - start:.2f} s")
-
-
-def _check_onto(args: argparse.Namespace) -> None:
-    """Refuse `--onto` with what it does not go with, before the work is done."""
-    output = [] if args.output is None else args.output
-    if len(output) != 1 or Path(output[0]).suffix.lower() != ".glb":
-        raise OutputSuffixError("--onto writes one .glb; give -o FILE.glb")
-    if args.samples is not None:
-        raise SampleError("--onto takes one face; leave --samples out")
-
-
-def _save_onto(clip: facecode.Animation | Takes, avatar: Path, output: Path, quiet: bool) -> None:
-    assert not isinstance(clip, Takes)
-    with writers.writing(output) as file:
-        report = onto(clip, avatar, file)
-    if not quiet:
-        print(report.describe())
 
 
 def _write_stdout(clip: facecode.Animation | Takes, output: Path) -> None:

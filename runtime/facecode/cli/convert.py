@@ -7,6 +7,7 @@ from pathlib import Path
 
 from facecode import writers
 from facecode.cli.options import Commands, add_quiet
+from facecode.cli.saving import add_saving, check_saving, check_units, format_of, save
 from facecode.clip_file import read_clip
 
 
@@ -31,6 +32,7 @@ def add_parser(commands: Commands) -> argparse.ArgumentParser:
         metavar="K",
         help="which of several faces, counted from 0, as in --face 2 (default: 0)",
     )
+    add_saving(parser)
     add_quiet(parser)
     return parser
 
@@ -39,11 +41,13 @@ def run_convert(args: argparse.Namespace) -> None:
     """`facecode convert`."""
     for output in args.output:
         writers.check_output(output)
+    check_saving(args, args.output)
     clip = read_clip(args.clip, args.face)
     for output in args.output:
-        found = writers.format_of(output)
+        found = format_of(output, args)
         writers.check_face(found, clip.faces is not None, clip.rig is not None)
+    check_units(args, clip.rig)
     for output in args.output:
-        clip.save(output, progress=not args.quiet)
+        save(clip, output, args)
         if not args.quiet:
             print(output)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from facecode.bundle import Bundle
-from facecode.live.plan import Plan
+from facecode.live.plan import Plan, is_causal
 from facecode.session import available_providers
-from facecode_spec.manifest import ModeEntry
+from facecode_spec.live import LiveDeviation, LiveMeasure
+from facecode_spec.manifest import Manifest, ModeEntry
 from facecode_spec.plain import to_plain
 
 
@@ -35,7 +36,7 @@ def summary(bundle: Bundle) -> str:
         ),
         ("audio", f"{m.sample_rate:,} Hz mono"),
         *(("mode", f"{name}: {_mode(entry)}") for name, entry in m.modes.items()),
-        *((("stream", _stream(Plan.of(m))),) if "window" in m.modes else ()),
+        *_streams(m),
         ("styles", f"{', '.join(m.styles)} (--style)"),
         *((("identities", f"{', '.join(m.identities)} (--template)"),) if m.identities else ()),
         *((("regions", ", ".join(m.regions)),) if m.regions else ()),
@@ -72,8 +73,29 @@ def _mode(entry: ModeEntry) -> str:
     return f"look-ahead {ahead}, frames final {final}"
 
 
-def _stream(plan: Plan) -> str:
-    return f"look-ahead {plan.look_ahead_ms:.0f} ms, latency {plan.latency_ms:.0f} ms and computing"
+def _streams(m: Manifest) -> list[tuple[str, str]]:
+    """How the bundle is streamed, and what was measured of it."""
+    if "window" not in m.modes and not is_causal(m.modes):
+        return []
+    plan = Plan.of(m)
+    hears = (
+        f"look-ahead {plan.look_ahead_ms:.0f} ms, latency {plan.latency_ms:.0f} ms and computing; "
+        f"blocks of {1000 * plan.block / plan.fps:.0f} ms after {plan.context / plan.fps:.1f} s"
+    )
+    measured = None if m.live is None else m.live.measured
+    rows = [] if measured is None else [_deviation(x, measured) for x in measured.look_aheads]
+    return [("stream", hears), *(("", row) for row in rows)]
+
+
+def _deviation(each: LiveDeviation, measured: LiveMeasure) -> str:
+    r = "unknown" if each.opening_r is None else f"{each.opening_r:.3f}"
+    ratio = each.acceleration_ratio
+    whole, closed = measured.exact.closures, each.lips.closures
+    return (
+        f"look-ahead {each.look_ahead_ms:g} ms: lip opening r {r} with the whole recording, P B M "
+        f"{closed.met} (whole: {whole.met}) of {whole.n}"
+        + ("" if ratio is None else f", acceleration {ratio:.2f} x")
+    )
 
 
 def _count(n_samples: int) -> str:

@@ -12,7 +12,7 @@ import facecode
 from facecode import writers
 from facecode.audio import SPEECH
 from facecode.bundle import PACKAGED, PACKAGED_BUNDLE, Bundle
-from facecode.cli import animate, batch, convert, live, mesh, serve
+from facecode.cli import animate, batch, bench_live, convert, live, mesh, serve
 from facecode.cli.console import guarded
 from facecode.cli.options import (
     AS_WRITTEN,
@@ -94,6 +94,7 @@ def _add_bench(commands: Commands) -> argparse.ArgumentParser:
         "--plot", type=Path, metavar="PNG", help="draw latency against frame index, as latency.png"
     )
     bench.add_argument("--json", metavar="FILE", help="write the numbers to FILE, or - for stdout")
+    bench_live.add_options(bench)
     add_mode(bench)
     add_compute(bench)
     return bench
@@ -152,6 +153,9 @@ def run_info(args: argparse.Namespace) -> None:
 
 def run_bench(args: argparse.Namespace) -> None:
     """`facecode bench`."""
+    if args.live:
+        bench_live.run(args)
+        return
     from facecode.bench.measure import benchmark, compare
     from facecode.bench.report import comparison, plot, table
 

@@ -13,6 +13,7 @@ import facecode
 from facecode import writers
 from facecode.cli.console import DONE, MISTAKE
 from facecode.cli.options import compute_of
+from facecode.cli.saving import format_of
 from facecode.errors import FacecodeError, OutputFolderError, OutputWriteError, SampleError
 from facecode.options import parse_style
 
@@ -51,7 +52,7 @@ def run_many(args: argparse.Namespace) -> int:
         try:
             if isinstance(clip, FacecodeError):
                 raise clip
-            clip.save(output)
+            writers.save(clip, output, found=format_of(output, args))
             seconds += clip.duration_s
         except FacecodeError as error:
             n_failed += 1

@@ -17,7 +17,9 @@ from facecode.cli.options import (
 from facecode.errors import MissingExtraError
 from facecode.session import usable_cores
 
-SESSIONS_PER_CORE = 2
+SESSIONS_PER_CORE = 1
+"""So many were served without a frame left out on a machine that had other work; see
+docs/serve.md."""
 TOKEN = "FACECODE_TOKEN"
 
 
@@ -61,8 +63,8 @@ def _add_limits(parser: argparse.ArgumentParser) -> None:
         "--sessions",
         type=positive(int),
         metavar="N",
-        help=f"at once, as in --sessions 8; one more is answered 'busy' (default: "
-        f"{SESSIONS_PER_CORE} for each core)",
+        help="at once, as in --sessions 8; one more is answered 'busy' (default: "
+        "one for each core)",
     )
     parser.add_argument(
         "--seconds",

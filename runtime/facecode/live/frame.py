@@ -21,3 +21,9 @@ class LiveFrame:
     """(K,) in [0, 1], of the stream's `weight_names`; None: the bundle has no face units."""
     offsets: Offsets | None
     """(V, 3) float32 from the neutral face, in the bundle's unit; None: not asked for."""
+
+    def __repr__(self) -> str:
+        held = [f"{len(self.codes)} codes"]
+        held += [] if self.weights is None else [f"{len(self.weights)} weights"]
+        held += [] if self.offsets is None else [f"{len(self.offsets):,} vertices"]
+        return f"<LiveFrame {self.index} at {self.time_s:.3f} s: {', '.join(held)}>"

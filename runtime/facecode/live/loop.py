@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -49,8 +50,8 @@ class LiveLoop:
         Raises:
             AudioTooShortError: a primer of less than a frame.
         """
-        self._parts, self._request = engine.parts, request
-        self.memory = LiveMemory(engine.speech_encoder, plan, primer)
+        self._parts, self._encoder = engine.parts, engine.speech_encoder
+        self.memory = LiveMemory(self._encoder, plan, primer)
         self._loops = engine.loops([self.memory], request)
         self._step = self._shown = 0
         self._waiting = [_Waiting() for _ in self._parts]
@@ -59,6 +60,12 @@ class LiveLoop:
             loop.finish()
         self._take()
         self._shown = 0
+
+    def copy(self) -> LiveLoop:
+        """The same loop at the same moment, which goes on alone; graphs are shared."""
+        shared = [self._encoder, self._parts]
+        shared += [x for part in self._parts for x in (part, part.codebook, part.motion)]
+        return copy.deepcopy(self, {id(each): each for each in shared})
 
     def restyle(self, weights: Float32) -> None:
         """Take style weights (n_styles,) for the frames to come."""

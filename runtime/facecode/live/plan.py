@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 from facecode.errors import LookAheadError
+from facecode_spec.live import LiveEntry
 from facecode_spec.manifest import Manifest, ModeEntry
 
 CONTEXT_S = 1.0
@@ -16,6 +18,11 @@ DELAY_FRAMES = 1
 """Frames that follow a frame before it is shown; see docs/live.md."""
 LEAST_MS, MOST_MS = 100, 2000
 LOOK_AHEAD_MS = 200
+ENCODER_HZ = 50
+"""Rows a second of Whisper and wav2vec 2.0. Of a window that ends within a row they make one less,
+and spread the rest over all of its frames: the last ones come up to 36 ms early."""
+LONGEST_PERIOD = 12
+"""Frames in which a whole number of rows is sought; rates such as 29.97 find none."""
 
 
 @dataclass(frozen=True)
@@ -49,20 +56,18 @@ class Plan:
         Raises:
             LookAheadError: less than the encoder needs, or more than a stream is for.
         """
-        wanted = LOOK_AHEAD_MS if look_ahead_ms is None else look_ahead_ms
+        live = live_entry(manifest)
+        wanted = live.look_ahead_ms if look_ahead_ms is None else look_ahead_ms
         if not LEAST_MS <= wanted <= MOST_MS:
             raise LookAheadError(
                 f"got a look-ahead of {wanted} ms; expected {LEAST_MS} to {MOST_MS}"
             )
         fps = manifest.fps
-        return cls(
-            fps,
-            manifest.sample_rate,
-            look_ahead=round(wanted / 1000 * fps),
-            block=max(1, math.floor(BLOCK_S * fps + 0.5)),
-            context=round(CONTEXT_S * fps),
-            delay=0 if is_causal(manifest.modes) else DELAY_FRAMES,
-        )
+        look_ahead = round(wanted / 1000 * fps)
+        block = max(1, math.floor(live.block_s * fps + 0.5))
+        context = round(live.context_s * fps)
+        context += -(context + block + look_ahead) % _whole_rows(fps)
+        return cls(fps, manifest.sample_rate, look_ahead, block, context, live.delay_frames)
 
     @property
     def look_ahead_ms(self) -> float:
@@ -96,6 +101,18 @@ class Plan:
     def sample(self, frame: int) -> int:
         """Where `frame` begins in the waveform."""
         return math.floor(frame * self.rate / self.fps)
+
+
+def live_entry(manifest: Manifest) -> LiveEntry:
+    """How the bundle is streamed, by its own choice or by that of this runtime."""
+    delay = 0 if is_causal(manifest.modes) else DELAY_FRAMES
+    return manifest.live or LiveEntry(CONTEXT_S, BLOCK_S, delay, LOOK_AHEAD_MS)
+
+
+def _whole_rows(fps: float) -> int:
+    """The fewest frames that take a whole number of the encoder's rows; 1 if they are many."""
+    period = (ENCODER_HZ / Fraction(fps)).denominator
+    return period if period <= LONGEST_PERIOD else 1
 
 
 def is_causal(modes: Mapping[str, ModeEntry]) -> bool:

@@ -15,7 +15,7 @@ from facecode.arrays import AnyArray, Audio, Float32
 from facecode.errors import StreamEndedError
 from facecode.live.frame import LiveFrame
 from facecode.live.intake import Intake
-from facecode.live.loop import LiveLoop, Piece
+from facecode.live.loop import Piece
 from facecode.live.plan import Plan
 from facecode.live.rest import Blinks, RestGate
 from facecode.live.voice import Voice
@@ -56,7 +56,7 @@ class Stream:
         """Begin anew, with the style that was asked for last: the next frame has index 0."""
         voice = self._voice
         request = dataclasses.replace(voice.request, weights=self._target)
-        self._loop = LiveLoop(voice.engine, request, voice.plan, voice.primer)
+        self._loop = voice.primed.loop(request, voice.plan)
         self._weights, self._blend_left = self._target, 0
         self._intake = Intake(voice.plan.rate)
         self._gate = RestGate(voice.plan.fps) if voice.rest_in_quiet else None
@@ -164,7 +164,7 @@ class Stream:
         ]
 
     def _motion_of(self, piece: Piece) -> tuple[Float32 | None, Float32 | None]:
-        voice, parts = self._voice, self._voice.engine.parts
+        voice, parts = self._voice, self._voice.parts
         weights = offsets = None
         if voice.problem is not None:
             weights = voice.problem.solve(products_of(parts, piece.hidden, 1)[0])

@@ -7,31 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facecode.arrays import Audio
-from facecode.audio import SPEECH, load_audio
 from facecode.bundle import Bundle
 from facecode.clip import Rig
 from facecode.errors import SampleError
 from facecode.live.plan import Plan
+from facecode.live.primed import PrimedLoops, primer_of
 from facecode.loop.engine import Engine
 from facecode.loop.part import Part
 from facecode.loop.request import Request
 from facecode.weights import WeightProblem
-
-PRIMER_S = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Voice:
     """The face, the speech before the stream, and what frames are to hold; it can be shared."""
 
-    engine: Engine
+    primed: PrimedLoops
     request: Request
     plan: Plan
-    primer: Audio
-    """Speech (n_samples,) at the bundle's rate, whole seconds, as if spoken before: a face that
-    begins from nothing trembles for seconds, and an encoder that hears nothing but quiet takes it
-    for speech."""
     problem: WeightProblem | None
     """None: no weights."""
     styles: tuple[str, ...]
@@ -41,36 +34,47 @@ class Voice:
     rest_in_quiet: bool = False
 
     @property
+    def parts(self) -> tuple[Part, ...]:
+        """Of the face."""
+        return self.primed.engine.parts
+
+    @property
     def weight_names(self) -> tuple[str, ...]:
         """Names (K,) of the weights; none without a rig."""
         return () if self.rig is None or self.problem is None else self.rig.names
 
-    @classmethod
-    def of(
-        cls,
-        engine: Engine,
-        bundle: Bundle,
+
+class Voices:
+    """The voices of a bundle, which share their primed loops."""
+
+    def __init__(self, engine: Engine, bundle: Bundle, problem: WeightProblem | None) -> None:
+        """See `primer_of` for errors."""
+        known = all(part.rig_projection is not None for part in engine.parts)
+        self._problem = problem if known else None
+        self._primed, self._bundle = PrimedLoops(engine, primer_of(bundle)), bundle
+
+    def voice(
+        self,
         request: Request,
-        problem: WeightProblem | None,
         look_ahead_ms: float | None = None,
         sample: int = 0,
         rest_in_quiet: bool = False,
     ) -> Voice:
-        """The voice of a bundle, primed with the first seconds of the packaged recording.
+        """A voice for one stream.
 
         Raises:
             LookAheadError, SampleError.
         """
-        m = bundle.manifest
-        heads = {part.name: np.array([_head(part, sample)]) for part in engine.parts}
-        return cls(
-            engine=engine,
+        m = self._bundle.manifest
+        parts = self._primed.engine.parts
+        heads = {part.name: np.array([_head(part, sample)]) for part in parts}
+        return Voice(
+            primed=self._primed,
             request=dataclasses.replace(request, heads=heads),
             plan=Plan.of(m, look_ahead_ms),
-            primer=load_audio(SPEECH, m.sample_rate)[: PRIMER_S * m.sample_rate],
-            problem=problem if all(p.rig_projection is not None for p in engine.parts) else None,
+            problem=self._problem,
             styles=m.styles,
-            rig=bundle.rig,
+            rig=self._bundle.rig,
             n_vertices=m.n_vertices if request.vertices else None,
             rest_in_quiet=rest_in_quiet,
         )

@@ -18,6 +18,8 @@ from facecode.serve.metrics import Metrics
 from facecode.serve.protocol import Opening
 
 T = TypeVar("T")
+PRIMED_STYLES = 8
+"""Whose past is animated before the first client comes."""
 
 
 class House:
@@ -34,7 +36,10 @@ class House:
         self.face, self.limits, self.metrics = face, limits, Metrics()
         self._pool = ThreadPoolExecutor(workers, "facecode")
         self._unopened = 0
-        # The first run of a graph takes longer than the others: let it not be a client's.
+        # The first run of a graph takes longer than the others, and so does the first stream of a
+        # style: let neither be a client's.
+        for style in face.styles[:PRIMED_STYLES]:
+            face.stream(style)
         face.stream().feed(np.zeros(face.manifest.sample_rate, np.float32))
 
     async def work(self, job: Callable[[], T]) -> T:

@@ -117,8 +117,16 @@ def check_face(found: Format, has_faces: bool, has_rig: bool, n_faces: int = 1) 
         )
 
 
-def save(clips: Clip | Sequence[Clip], path: Path, progress: bool = False) -> None:
-    """Write one face, or several of one recording, in the format of the suffix; whole or not.
+def save(
+    clips: Clip | Sequence[Clip], path: Path, progress: bool = False, found: Format | None = None
+) -> None:
+    """Write one face, or several of one recording; whole or not at all.
+
+    Args:
+        clips: one face, or several of one rate and length.
+        path: the file.
+        progress: show a bar on stderr for formats that take their time.
+        found: the format; by default that of the suffix.
 
     Raises:
         OutputSuffixError, OutputFolderError, OutputWriteError, NoFacesError, NoRigError,
@@ -126,11 +134,16 @@ def save(clips: Clip | Sequence[Clip], path: Path, progress: bool = False) -> No
     """
     check_output(path)
     with writing(path) as file:
-        write(clips, file, format_of(path), progress)
+        write(clips, file, found or format_of(path), progress)
 
 
 def save_blocks(
-    face: Clip, n_frames: int, blocks: Iterable[Clip], path: Path, progress: bool = False
+    face: Clip,
+    n_frames: int,
+    blocks: Iterable[Clip],
+    path: Path,
+    progress: bool = False,
+    found: Format | None = None,
 ) -> None:
     """Write one face as its frames come, block by block; whole or not at all.
 
@@ -140,13 +153,14 @@ def save_blocks(
         blocks: clips of consecutive frames.
         path: the file; a format that needs the whole clip gathers it first.
         progress: show a bar on stderr for formats that take their time.
+        found: the format; by default that of the suffix.
 
     Raises:
         As `save`.
         TakenBlocksError: another number of frames.
     """
     check_output(path)
-    found = format_of(path)
+    found = found or format_of(path)
     check_face(found, face.faces is not None, face.rig is not None)
     checked = _counted((_fitting(block, found) for block in blocks), n_frames)
     with writing(path) as file:

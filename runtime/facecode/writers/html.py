@@ -12,12 +12,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-
 from facecode.clip import Clip
 from facecode.errors import EmptyClipError
 from facecode.writers.format import Format, gathered
 from facecode.writers.glb import document_of
+from facecode.writers.sound import speech_of
 
 PAGE = Path(__file__).parent / "page"
 SCRIPTS = ("head", "viewer", "player")
@@ -45,15 +44,16 @@ def write_takes_html(clips: Sequence[Clip], file: BinaryIO, progress: bool = Fal
     head = io.BytesIO()
     document_of(clips).write(head)
     page = (PAGE / "page.html").read_text(encoding="utf-8")
-    parts = {name: (PAGE / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS}
-    parts["style"] = (PAGE / "page.css").read_text(encoding="utf-8")
-    parts["glb"] = base64.b64encode(head.getvalue()).decode()
-    parts["sound"] = base64.b64encode(_flac(clips[0])).decode()
+    parts = {name: (PAGE / f"{name}.js").read_bytes() for name in SCRIPTS}
+    parts["style"] = (PAGE / "page.css").read_bytes()
+    parts["glb"] = base64.b64encode(head.getbuffer())
+    parts["sound"] = base64.b64encode(speech_of(clips[0], "FLAC") or b"")
     pieces = page.split("{{")
     file.write(pieces[0].encode())
     for piece in pieces[1:]:
         name, _, text = piece.partition("}}")
-        file.write(f"{parts[name]}{text}".encode())
+        file.write(parts[name])
+        file.write(text.encode())
 
 
 def write_blocks_html(face: Clip, n_frames: int, blocks: Iterable[Clip], file: BinaryIO) -> None:
@@ -64,18 +64,6 @@ def write_blocks_html(face: Clip, n_frames: int, blocks: Iterable[Clip], file: B
     """
     del n_frames
     write_html(gathered(face, blocks), file)
-
-
-def _flac(clip: Clip) -> bytes:
-    """The speech, losslessly to 16 bits; every browser decodes it, and it begins on time."""
-    if clip.audio is None or clip.sample_rate is None:
-        return b""
-    import soundfile
-
-    sound = io.BytesIO()
-    samples = np.clip(clip.audio, -1, 1 - 2**-15)
-    soundfile.write(sound, samples, clip.sample_rate, format="FLAC", subtype="PCM_16")
-    return sound.getvalue()
 
 
 HTML = Format(

@@ -7,18 +7,22 @@ writes it: the text of the scene at rest, then the points of each frame.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
+from facecode.arrays import Float32
 from facecode.clip import Clip
 from facecode.errors import MissingExtraError, OutputWriteError
 from facecode.wording import one_line
 from facecode.writers.format import Format
 from facecode.writers.space import metres_y_up
 from facecode.writers.usd.scene import head_names, mesh_path, scene
+
+SAVED_EVERY = 256
+"""Frames: so many are held in memory."""
 
 
 def check_usdc() -> None:
@@ -48,21 +52,44 @@ def write_takes_usdc(clips: Sequence[Clip], file: BinaryIO, progress: bool = Fal
         MissingExtraError: usd-core is not installed.
     """
     del progress
+    _write(clips, clips[0].n_frames, zip(*(clip.offsets for clip in clips), strict=True), file)
+
+
+def write_blocks_usdc(face: Clip, n_frames: int, blocks: Iterable[Clip], file: BinaryIO) -> None:
+    """Write a clip that comes in blocks; a few hundred frames are held.
+
+    Raises:
+        NoFacesError: the clip has no triangles.
+        MissingExtraError: usd-core is not installed.
+    """
+    _write([face], n_frames, ((offsets,) for block in blocks for offsets in block.offsets), file)
+
+
+def _write(
+    clips: Sequence[Clip], n_frames: int, frames: Iterable[Sequence[Float32]], file: BinaryIO
+) -> None:
+    """Write faces at rest, then of each frame the offsets (V, 3) of every face."""
     sdf, vt = _pxr()
-    layer = sdf.Layer.CreateAnonymous(".usdc")
-    layer.ImportFromString(scene(clips, ".usdc", None))
-    for name, clip in zip(head_names(len(clips)), clips, strict=True):
-        mesh = mesh_path(name)
-        for frame, offsets in enumerate(clip.offsets):
-            points = metres_y_up(clip, offsets + clip.template)
-            bounds = np.stack([points.min(axis=0), points.max(axis=0)])
-            for attribute, value in (("points", points), ("extent", bounds)):
-                samples = vt.Vec3fArray.FromNumpy(np.ascontiguousarray(value))
-                layer.SetTimeSample(f"{mesh}.{attribute}", frame, samples)
+    at_rest = sdf.Layer.CreateAnonymous(".usda")
+    at_rest.ImportFromString(scene(clips, ".usdc", None))
+    meshes = [mesh_path(name) for name in head_names(len(clips))]
     with tempfile.TemporaryDirectory(prefix="facecode-") as folder:
         path = Path(folder) / "clip.usdc"
         try:
-            layer.Export(str(path))
+            at_rest.Export(str(path))
+            layer = sdf.Layer.FindOrOpen(str(path))  # what is saved is no longer in memory
+            layer.endTimeCode = max(n_frames - 1, 0)
+            for frame, offsets in enumerate(frames):
+                for mesh, clip, moved in zip(meshes, clips, offsets, strict=True):
+                    points = metres_y_up(clip, moved + clip.template)
+                    bounds = np.stack([points.min(axis=0), points.max(axis=0)])
+                    for attribute, value in (("points", points), ("extent", bounds)):
+                        samples = vt.Vec3fArray.FromNumpy(np.ascontiguousarray(value))
+                        layer.SetTimeSample(f"{mesh}.{attribute}", frame, samples)
+                if frame % SAVED_EVERY == SAVED_EVERY - 1:
+                    layer.Save()
+            layer.Save()
+            del layer
         except RuntimeError as error:  # how USD says that a disk is full
             raise OutputWriteError(f"cannot write {path.name}: {one_line(error)}") from error
         with path.open("rb") as written:
@@ -80,4 +107,6 @@ def _pxr() -> tuple[Any, Any]:
     return Sdf, Vt
 
 
-USDC = Format(".usdc", write_usdc, write_takes_usdc, needs_faces=True, check=check_usdc)
+USDC = Format(
+    ".usdc", write_usdc, write_takes_usdc, write_blocks_usdc, needs_faces=True, check=check_usdc
+)

@@ -6,18 +6,16 @@ layer first: then a reader maps them into memory.
 
 from __future__ import annotations
 
-import io
 import struct
 import zipfile
 from collections.abc import Iterable, Sequence
 from typing import BinaryIO
 
-import numpy as np
-
 from facecode.clip import Clip
 from facecode.errors import OutputWriteError
 from facecode.writers.format import Format, gathered
 from facecode.writers.shapes import shapes_of
+from facecode.writers.sound import speech_of
 from facecode.writers.usd.scene import scene
 
 LAYER, SPEECH = "face.usda", "speech.wav"
@@ -45,7 +43,7 @@ def write_takes_usdz(clips: Sequence[Clip], file: BinaryIO, progress: bool = Fal
         OutputWriteError: over 2 GiB.
     """
     del progress
-    speech = _wav(clips[0])
+    speech = speech_of(clips[0], "WAV")
     sound = None if speech is None else SPEECH
     layer = scene(clips, ".usdz", shapes_of(clips), sound).encode()
     try:
@@ -68,17 +66,6 @@ def write_blocks_usdz(face: Clip, n_frames: int, blocks: Iterable[Clip], file: B
     """
     del n_frames
     write_usdz(gathered(face, blocks), file)
-
-
-def _wav(clip: Clip) -> bytes | None:
-    if clip.audio is None or clip.sample_rate is None:
-        return None
-    import soundfile
-
-    file = io.BytesIO()
-    speech = np.clip(clip.audio, -1, 1)
-    soundfile.write(file, speech, clip.sample_rate, format="WAV", subtype="PCM_16")
-    return file.getvalue()
 
 
 def _add(archive: zipfile.ZipFile, file: BinaryIO, name: str, content: bytes) -> None:

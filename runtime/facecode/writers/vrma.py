@@ -2,8 +2,8 @@
 
 Comes in: a clip with units. Goes out: a .glb without a mesh whose nodes carry a weight each, as
 the x of their translation. `VRMA` writes every unit as a custom expression in PascalCase, as
-avatars for ARKit tracking ("Perfect Sync") name them; `write_presets` the seven presets that any
-VRM has. Never both: an avatar that has both would move twice.
+avatars for ARKit tracking ("Perfect Sync") name them; `PRESETS` the seven presets that any VRM
+has. Never both: an avatar that has both would move twice.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from facecode.arrays import Float32
 from facecode.clip import Clip
 from facecode.writers.arkit import NAMES, columns, in_order, pascal
-from facecode.writers.format import Format, of_blocks
+from facecode.writers.format import Format, WriteBlocks, of_blocks
 from facecode.writers.gltf.animation import add_animation
 from facecode.writers.gltf.document import Document
 
@@ -36,15 +36,18 @@ def write_blocks_vrma(face: Clip, n_frames: int, blocks: Iterable[Clip], file: B
     _write(face.fps, "custom", by_name, file)
 
 
-def write_presets(clip: Clip, file: BinaryIO) -> None:
-    """Write the presets aa, ih, ou, ee, oh, blinkLeft, blinkRight to an open binary file.
+def write_blocks_presets(face: Clip, n_frames: int, blocks: Iterable[Clip], file: BinaryIO) -> None:
+    """Write the presets aa, ih, ou, ee, oh, blinkLeft, blinkRight; the weights are gathered first.
 
     Raises:
         NoRigError: the face units are not known.
         UnitNamesError: the rig has no unit of ARKit's.
     """
-    weights = in_order(clip.weights, columns(clip.weight_names, ".vrma"))
-    _write(clip.fps, "preset", presets(weights), file)
+    del n_frames
+    found = columns(face.weight_names, ".vrma")
+    none = np.zeros((0, len(NAMES)), np.float32)
+    weights = np.concatenate([none, *(in_order(block.weights, found) for block in blocks)])
+    _write(face.fps, "preset", presets(weights), file)
 
 
 def presets(weights: Float32) -> Mapping[str, Float32]:
@@ -93,10 +96,13 @@ def _write(fps: float, kind: str, by_name: Mapping[str, Float32], file: BinaryIO
     document.write(file)
 
 
-VRMA = Format(
-    ".vrma",
-    of_blocks(write_blocks_vrma),
-    write_blocks=write_blocks_vrma,
-    needs_rig=True,
-    needs_vertices=False,
-)
+def _format(write_blocks: WriteBlocks) -> Format:
+    return Format(
+        ".vrma", of_blocks(write_blocks), None, write_blocks, needs_rig=True, needs_vertices=False
+    )
+
+
+VRMA = _format(write_blocks_vrma)
+PRESETS = _format(write_blocks_presets)
+KINDS = {"custom": VRMA, "presets": PRESETS}
+"""By what a command line calls them."""

@@ -80,7 +80,7 @@ def test_some_recordings_have_no_speech(monkeypatch):
     for number in range(12):
         said = make_utterance((5, 0, number), "train", None, [], [])
         assert (said.text, said.voice, [p.name for p in said.phones]) == ("", NOBODY, ["SIL"])
-        assert 1.4 < len(said.audio) / 16_000 == said.phones[0].end_s < 6.1
+        assert 1.4 < len(said.audio) / 16_000 == said.phones[0].end_s < 12.1
         assert np.isfinite(said.audio).all()
         assert np.abs(said.audio).max() <= 1
 

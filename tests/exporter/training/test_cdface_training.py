@@ -16,7 +16,8 @@ from facecode_exporter.face_parts import part_vertices, variant
 from facecode_exporter.nets.cdface import CDFace
 from facecode_exporter.training import run
 from facecode_exporter.training.config import cdface_defaults
-from facecode_exporter.training.query import QueryStage, sort_heads, start_from_one, unprompted
+from facecode_exporter.training.heads import sort_heads, start_from_one
+from facecode_exporter.training.query import QueryStage, unprompted
 from facecode_spec.systems import SYSTEMS
 
 TINY = SYSTEMS["cdface-tiny"]
@@ -33,9 +34,8 @@ def data(tmp_path_factory):
 def train(data, out, stage, part, *more):
     args = ["train", stage, "--system", "cdface-tiny", "--data", str(data), "--out", str(out)]
     lips = str(data.parent / "lips.txt")
-    return main(
-        [*args, "--part", part, "--lips", lips, "--epochs", "2", "--quiet", *map(str, more)]
-    )
+    args += ["--random-speech-encoder", "--part", part, "--lips", lips, "--epochs", "2"]
+    return main([*args, "--quiet", *map(str, more)])
 
 
 QUERY = ("--lip-pair", "1,3", "--batch-size", "3", "--crop-frames", "12")

@@ -46,7 +46,33 @@ def data(request, tmp_path_factory):
 def train(data, out, stage, *more):
     folder, options, _ = data
     args = ["train", stage, "--data", str(folder), *options, "--out", str(out), "--quiet"]
+    if "--speech-encoder" not in more:
+        args.append("--random-speech-encoder")
     return main([*args, *more])
+
+
+def test_random_convolutions_are_learned_through_only_when_asked_for(data, tmp_path, capsys):
+    folder, options, _ = data
+    for stage in ("stage2", "faceformer"):
+        args = ["train", stage, "--data", str(folder), *options, "--out", str(tmp_path / "run")]
+        assert main([*args, "--stage1", "none.tar"]) == 2
+        assert not (tmp_path / "run").exists()
+    assert "--random-speech-encoder to go on without" in capsys.readouterr().err
+
+
+def test_another_stage1_or_speech_encoder_is_another_run(data, tmp_path, capsys):
+    short = ("--epochs", "1", "--crop-frames", "8")
+    priors = []
+    for seed in ("0", "1"):
+        assert train(data, tmp_path / seed, "stage1", *short, "--seed", seed) == 0
+        priors.append(str(tmp_path / seed / "stage1.pth.tar"))
+    run = tmp_path / "run"
+    assert train(data, run, "stage2", "--stage1", priors[0], *short) == 0
+    before = (run / "stage2.pth.tar").read_bytes()
+    assert train(data, run, "stage2", "--stage1", priors[0], *short) == 0
+    assert train(data, run, "stage2", "--stage1", priors[1], *short) == 2
+    assert "began with other weights" in capsys.readouterr().err
+    assert (run / "stage2.pth.tar").read_bytes() == before
 
 
 def test_layouts(data):

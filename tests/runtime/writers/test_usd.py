@@ -8,12 +8,13 @@ import zipfile
 import numpy as np
 import pytest
 import soundfile
-from small_faces import NAMES, changed, rigged
+from small_faces import NAMES, changed, cut, rigged, still
 
 from facecode import writers
 from facecode.errors import MissingExtraError, NoFacesError, OutputWriteError
 from facecode.writers import usdz
 from facecode.writers.usd.text import identifiers, quoted
+from facecode.writers.usdc import USDC
 
 SPEECH = np.sin(np.arange(3200, dtype=np.float32) / 7)
 
@@ -103,3 +104,15 @@ def test_without_usd_core_usdc_says_what_to_install(tmp_path, monkeypatch):
     with pytest.raises(MissingExtraError, match=r"'\.\[usd\]'"):
         writers.save(rigged(), tmp_path / "talk.usdc")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("cuts", [[300], [0, 1, 255, 44], [256, 44]])
+def test_points_do_not_depend_on_the_blocks(cuts):
+    pytest.importorskip("pxr", reason="no usd-core: pip install 'facecode[usd]'")
+    clip, whole, blocks = rigged(300), io.BytesIO(), io.BytesIO()
+    USDC.write(clip, whole, False)
+    USDC.write_blocks(still(clip), 300, cut(clip, cuts), blocks)
+    assert blocks.getvalue() == whole.getvalue()
+    none = io.BytesIO()
+    USDC.write_blocks(still(clip), 0, [], none)
+    assert len(none.getvalue()) > 1000

@@ -11,7 +11,7 @@ from small_faces import NAMES, cut, rigged, still
 import facecode
 from facecode.writers.arkit import NAMES as ARKIT
 from facecode.writers.arkit import pascal
-from facecode.writers.vrma import EXTENSION, VRMA, presets, write_blocks_vrma, write_presets
+from facecode.writers.vrma import EXTENSION, KINDS, PRESETS, VRMA, presets, write_blocks_vrma
 
 
 def written(write, *args):
@@ -45,7 +45,7 @@ def test_every_unit_is_a_custom_expression():
 
 def test_presets_share_out_the_mouth():
     clip = facecode.load("demo", threads=1).animate(SPEECH, mode="window")
-    glb = written(write_presets, clip)
+    glb = written(lambda file: PRESETS.write(clip, file, False))
     found = {
         name: expression(glb, "preset", name)[1]
         for name in ("aa", "ih", "ou", "ee", "oh", "blinkLeft", "blinkRight")
@@ -66,11 +66,12 @@ def test_presets_stay_in_their_range():
         assert weights.max() <= 1
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("cuts", [[1, 2, 3, 1], [0, 3, 0, 4]])
-def test_bytes_do_not_depend_on_the_blocks(cuts):
-    clip = rigged(7)
-    whole = written(lambda file: VRMA.write(clip, file, False))
-    blocks = written(lambda file: write_blocks_vrma(still(clip), 7, cut(clip, cuts), file))
+def test_bytes_do_not_depend_on_the_blocks(cuts, kind):
+    clip, found = rigged(7), KINDS[kind]
+    whole = written(lambda file: found.write(clip, file, False))
+    blocks = written(lambda file: found.write_blocks(still(clip), 7, cut(clip, cuts), file))
     assert (blocks.text, blocks.binary) == (whole.text, whole.binary)
 
 

@@ -50,6 +50,16 @@ class Weighted(Protocol):
         ...
 
 
+def check_avatar(source: Path, units: Sequence[str]) -> None:
+    """Refuse an avatar that no unit of these names moves; what it points at is not looked for.
+
+    Raises:
+        AvatarNotFoundError: no such file.
+        OntoError: it cannot be read, or none of its morph targets bears the name of a unit.
+    """
+    _matched(read_source(source), units)
+
+
 def onto(motion: Weighted, source: Path, file: BinaryIO) -> OntoReport:
     """Write the avatar of `source` with the motion added, as a .glb, to an open binary file.
 
@@ -66,10 +76,7 @@ def onto(motion: Weighted, source: Path, file: BinaryIO) -> OntoReport:
     """
     names = list(motion.weight_names)
     read = read_source(source)
-    meshes = driven_meshes(read.tree, names)
-    matched = [mesh for mesh in meshes if mesh.driven and mesh.nodes]
-    if not matched:
-        raise _nothing_matched(source, meshes, names)
+    meshes, matched = _matched(read, names)
     gathered = gather(read)
     document = Document(read.tree, gathered.n_bytes)
     title = _free_name(rows(read.tree, "animations"))
@@ -89,6 +96,15 @@ def onto(motion: Weighted, source: Path, file: BinaryIO) -> OntoReport:
         tuple(before),
         tuple(gathered.relocated),
     )
+
+
+def _matched(read: Source, units: Sequence[str]) -> tuple[list[DrivenMesh], list[DrivenMesh]]:
+    """All meshes with morph targets, and those that units move."""
+    meshes = driven_meshes(read.tree, units)
+    matched = [mesh for mesh in meshes if mesh.driven and mesh.nodes]
+    if not matched:
+        raise _nothing_matched(read.path, meshes, units)
+    return meshes, matched
 
 
 def _json(source: Source) -> bytes:
@@ -137,7 +153,7 @@ def _moved_already(tree: Tree, nodes: list[int]) -> list[str]:
     return found
 
 
-def _nothing_matched(source: Path, meshes: list[DrivenMesh], units: list[str]) -> OntoError:
+def _nothing_matched(source: Path, meshes: list[DrivenMesh], units: Sequence[str]) -> OntoError:
     if not meshes:
         return OntoError(f"{source.name} has no morph targets; expected ARKit's 52 shapes")
     if any(mesh.driven for mesh in meshes):
