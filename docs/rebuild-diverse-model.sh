@@ -1,5 +1,6 @@
 #!/bin/sh
-# Makes the diverse model anew, from packages to a bundle. Run it at the root of a checkout, after
+# Makes a diverse model anew, from packages to a bundle; the packaged one is older than the present corpus, see
+# its card. Run it at the root of a checkout, after
 # rebuild-demo-model.sh, whose corpus and packages it uses. Its steps were run one by one, not yet as
 # this script from nothing; of one core's time the priors took 8 min, the networks with one sample
 # 12 min, those with five 11 min, speech features 2 min. Interrupted, it goes on.

@@ -80,7 +80,6 @@ def one_config(corpus: Path, part: str) -> TrainingConfig:
         batch_size=8,
         crop_frames=90,
         speech_dropout=0.2,
-        streamed_share=0.5,
         losses=DiverseLosses(every_sample=0.2),
         fine_tune_speech=False,
     )
