@@ -160,7 +160,7 @@ class Manifest:
     def _check_names(self) -> None:
         names = {*self.files, *self.used_files, *self.styles, *self.regions, *self.identities}
         names |= {part.name for part in self.parts} | set(self.rig.names if self.rig else ())
-        if odd := [n for n in names if not 0 < len(n) <= LONGEST_NAME or not n.isprintable()]:
+        if odd := [n for n in names if len(n) > LONGEST_NAME or not n.isprintable()]:
             raise SpecError(f"expected names that can be shown, got {odd[0][:LONGEST_NAME]!r}")
         if not self.styles or not self.parts:
             raise SpecError("expected one or more styles and parts")
