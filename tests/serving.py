@@ -54,10 +54,10 @@ class Running:
         except urllib.error.HTTPError as error:
             return error.code, error.headers, error.read()
 
-    def ended(self, reason, n=1, timeout_s=20.0):
-        """Wait until `n` connections have ended so."""
+    def ended(self, *reasons, n=1, timeout_s=20.0):
+        """Wait until `n` connections have ended in one of these ways."""
         until = time.monotonic() + timeout_s
-        while self.metrics.ended[reason] < n:
+        while sum(self.metrics.ended[reason] for reason in reasons) < n:
             assert time.monotonic() < until, dict(self.metrics.ended)
             time.sleep(0.02)
 

@@ -184,7 +184,7 @@ def test_messages_of_10_mb_are_not_read(served):
             with suppress(ConnectionClosed):
                 ws.send(big)
             assert collect(ws).code in (1006, 1009)
-    served.ended("too_big", 2)
+    served.ended("too_big", n=2)
 
 
 def test_one_more_is_busy_and_a_place_comes_back(face):
@@ -225,7 +225,7 @@ def test_doorsteps_are_few(face, monkeypatch):
     with running(face) as server:
         with server.connect(), server.connect():
             assert talk(server, []).end == "busy"
-        server.ended("left", 2)
+        server.ended("left", n=2)
         with server.connect() as ws:
             ws.send(opening(RATE))
             assert json.loads(ws.recv(20))["type"] == "ready"
