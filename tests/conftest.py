@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 # One thread a worker, and freed memory kept: read when a process starts, so by the workers and by
-# the programs that tests run. Two workers of two threads each take four times as long.
+# the programs that tests run. Workers of several threads each would fight for the cores.
 for _name, _value in {
     "OMP_NUM_THREADS": "1",
     "MALLOC_MMAP_THRESHOLD_": "4000000000",

@@ -23,6 +23,7 @@ from facecode_exporter.corpus.files import (
 from facecode_exporter.corpus.styles import STYLES
 from facecode_exporter.corpus.utterance import NOBODY, SHARE_WITHOUT_SPEECH, make_utterance
 from facecode_exporter.errors import CorpusError
+from facecode_exporter.measures.lip_sync import count_lip_sync
 
 pytest.importorskip("pocketsphinx", reason="needs the extra corpus")
 pytest.importorskip("hibari", reason="needs the extra corpus")
@@ -116,7 +117,13 @@ def test_finished_clips_are_not_made_again(corpus, monkeypatch):
     assert contents(corpus) == before
     assert report.seconds >= 60 * MINUTES
     assert report.lip_sync.closed >= 0.98 * report.lip_sync.n_closures
-    assert report.lip_sync.opened >= 0.9 * report.lip_sync.n_openings  # 99.5 % of 130 minutes
+    # One utterance in nine styles: its closest vowel stays under the bar in four of the eight others.
+    assert report.lip_sync.n_openings - report.lip_sync.opened <= 4
+    head, name = load_corpus_head(corpus), "natural_00000"
+    rest = float(head.opening(np.zeros((1, 52)))[0])
+    opening = head.opening(load_weights(corpus, name))
+    natural = count_lip_sync(load_phones(corpus, name), opening, rest, 30.0)
+    assert natural.opened == natural.n_openings == 5
 
 
 def test_another_seed_is_refused(corpus):
