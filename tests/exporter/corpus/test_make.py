@@ -117,7 +117,7 @@ def test_finished_clips_are_not_made_again(corpus, monkeypatch):
     assert contents(corpus) == before
     assert report.seconds >= 60 * MINUTES
     assert report.lip_sync.closed >= 0.98 * report.lip_sync.n_closures
-    # One utterance in nine styles: its closest vowel stays under the bar in four of the eight others.
+    # One utterance in nine styles: its closest vowel stays under the bar in four of them.
     assert report.lip_sync.n_openings - report.lip_sync.opened <= 4
     head, name = load_corpus_head(corpus), "natural_00000"
     rest = float(head.opening(np.zeros((1, 52)))[0])
